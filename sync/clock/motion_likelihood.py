@@ -7,14 +7,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import log_ndtr, softmax
+from scipy.special import softmax
 
 from sync.clock.clock_priors import PRIORS
 from sync.clock.gaussian_mixture import MOST_HYPOTHESES, NEGLIGIBLE_LOG, Gaussian, UnknownGap, conditioned, mixed
 from sync.clock.lag_likelihood import SHORT_LAG_S, LagMixture, lag_mixture, weighed_lags
 from sync.clock.offset_search import ALIKE, Assignment, OffsetRange, assignments, explained_share, find_ranges
 from sync.clock.threshold_crossings import ThresholdCrossings, collect_crossings
-from sync.clock.threshold_likelihood import refine, scan, scatter_c
+from sync.clock.threshold_likelihood import around_maximum, maxima, scan, scatter_c
 from sync.led import switchings_of
 from sync.log.outliers import noise_c, rounding_c
 from sync.log.timestamps import longest_gap_s
@@ -191,7 +191,6 @@ def _weigh(
     for late_s, part, total in sizes:
         # Only the weights between maxima are tempered: the sizes of delay of one maximum share its crossings.
         own = PRIORS.crossing_temper * total.log_weight + part.log_weight - total.log_weight
-        own += _log_mass(part, offset_range)
         for lag_s, log_weight in zip(inputs.lag.grid_s, inputs.lag.log_weight, strict=True):
             gaussian = Gaussian(
                 part.mean - (lag_s - assumed_s) * later, part.covariance, own + float(log_weight) - piece.lost
@@ -214,14 +213,6 @@ def _weigh(
         scatter_c=scatter,
         late_s=float(late_weight @ list(delays[likeliest])),
     )
-
-
-def _log_mass(gaussian: Gaussian, where: OffsetRange) -> float:
-    """Return the logarithm of the share of a clock's distribution in a range: elsewhere strokes lack their segments."""
-    low, high = (np.array([where.low_s, where.high_s]) - gaussian.mean[0]) / np.sqrt(gaussian.covariance[0, 0])
-    if low > 0.0:
-        low, high = -high, -low
-    return float(log_ndtr(high) + np.log1p(-np.exp(log_ndtr(low) - log_ndtr(high))))
 
 
 def _possible(
@@ -305,35 +296,20 @@ def _delays(
     """Return the distinct maxima of the thresholds' likelihood in a range of offsets, from a scan over it."""
     step_s = max(0.5, (offset_range.high_s - offset_range.low_s) / 100.0)
     offset_s = np.arange(offset_range.low_s, offset_range.high_s + step_s, step_s)
-    log_likelihood = scan(crossings, inputs.signals, offset_s=offset_s, prior=wide, lag_s=lag_s, gaps=inputs.gaps)
-    if not np.isfinite(log_likelihood).any():
-        return []
-    order = np.argsort(log_likelihood)[::-1]
-    starts: list[float] = []
-    # Two starts within three steps of the scan lead to the same maximum.
-    for index in order[: max(20, len(order) // 4)]:
-        if all(abs(offset_s[index] - other) > 3.0 * step_s for other in starts) and len(starts) < MOST_HYPOTHESES:
-            starts.append(float(offset_s[index]))
-    found: list[dict[float, Gaussian]] = []
-    totals: list[Gaussian] = []
-    for start_s in starts:
-        parts = refine(
+    points = scan(crossings, inputs.signals, offset_s=offset_s, prior=wide, lag_s=lag_s, gaps=inputs.gaps)
+    log_likelihood = np.array([mixed(one.values()).log_weight if one else -np.inf for one in points])
+    found = [
+        around_maximum(
             crossings,
             inputs.signals,
-            start_s=start_s,
-            limit_s=min(5.0, 3.0 * step_s),
+            between_s=(offset_s[first] - 0.5 * step_s, offset_s[last] + 0.5 * step_s),
             prior=wide,
             lag_s=lag_s,
             gaps=inputs.gaps,
         )
-        if not parts:
-            continue
-        total = mixed(parts.values())
-        sigma = float(np.sqrt(total.covariance[0, 0]))
-        if all(abs(other.mean[0] - total.mean[0]) >= max(0.3 * sigma, 0.02) for other in totals):
-            found.append(parts)
-            totals.append(total)
-    return found
+        for first, last in maxima(log_likelihood)[:MOST_HYPOTHESES]
+    ]
+    return [parts for parts in found if parts]
 
 
 @dataclass(frozen=True, slots=True)

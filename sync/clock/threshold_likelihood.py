@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -46,6 +46,14 @@ _KINDS: Final[tuple[tuple[Spring, bool], ...]] = (("a", True), ("a", False), ("b
 """Kinds of strokes: the spring, and whether it is heated."""
 _FEWEST: Final = 2 + len(_KINDS)
 """Least number of crossings: for offset, drift, and the unknown curve of each kind of stroke."""
+_HELD_S: Final = 0.01
+"""Standard deviation with which an offset is held: nothing could be inverted with 0."""
+_GRID: Final = 33
+_POINTS: Final = 12
+"""Points of a grid of offsets, and least number that carry weight: two in a standard deviation, with which sums over a
+Gaussian are exact to a thousandth."""
+_VALLEY: Final = 5.0
+"""Depth of a valley between two maxima: one unit with the power of the crossings (``crossing_temper``)."""
 _RATE_POWERS: Final = 3
 """Degree of the polynomial per stroke that gives its rate, through ten points per coefficient. Degrees two and six move
 the clock by 0.01 of its standard deviations (benchmarks/sync/constants.py)."""
@@ -143,39 +151,6 @@ def _smooth_rates(signal: EvenSignal, at_s: Floats, slope: Floats, stroke: Ints)
     return rate, np.where(few, signal.slope_sigma, np.hypot(sigma, excess[own]))
 
 
-def refine(
-    crossings: ThresholdCrossings,
-    signals: LogSignals,
-    *,
-    start_s: float,
-    limit_s: float,
-    prior: Gaussian,
-    lag_s: float,
-    gaps: Sequence[UnknownGap],
-) -> dict[float, Gaussian]:
-    """Return the Gaussian of the clock per size of delay, s, for a given lag, from a start near the answer.
-
-    A step of the offset is at most ``limit_s``. Empty where too few crossings coincide with known temperatures.
-    """
-    point = prior.mean.copy()
-    point[0] = start_s
-    # Temperatures are linearised around a point: limit the steps to where they are nearly linear.
-    limit = np.full(len(point), limit_s)
-    limit[1] = 3e-4
-    limit[2:] = np.maximum(5.0, np.sqrt(np.diag(prior.covariance)[2:]))
-    best: dict[float, Gaussian] = {}
-    for _ in range(12):
-        wire = _wire(crossings, signals, point, gaps, lag_s)
-        if np.count_nonzero(wire.known) < _FEWEST:
-            return {}
-        best = _linear(crossings, wire, point, prior)
-        move = mixed(best.values()).mean - point
-        point = point + np.clip(move, -limit, limit)
-        if np.all(np.abs(move) < 4e-4 * limit):
-            break
-    return best
-
-
 def scan(
     crossings: ThresholdCrossings,
     signals: LogSignals,
@@ -184,20 +159,89 @@ def scan(
     prior: Gaussian,
     lag_s: float,
     gaps: Sequence[UnknownGap],
-) -> Floats:
-    """Return the log-likelihood at given offsets, each held fixed; minus infinity where temperatures are unknown."""
-    log_likelihood = np.full(len(offset_s), -np.inf)
+    every: int = 2,
+) -> list[dict[float, Gaussian]]:
+    """Return the clock per size of delay, s, at given offsets (n,), each held fixed, for every other scatter.
+
+    Empty where too few crossings coincide with known temperatures.
+    """
+    found: list[dict[float, Gaussian]] = []
     covariance = prior.covariance.copy()
     covariance[0, :] = covariance[:, 0] = 0.0
-    covariance[0, 0] = 1e-4  # held to 0.01 s: nothing could be inverted with 0
-    for index, value in enumerate(offset_s):
+    covariance[0, 0] = _HELD_S**2
+    for value in offset_s:
         point = prior.mean.copy()
         point[0] = float(value)
         wire = _wire(crossings, signals, point, gaps, lag_s)
-        if np.count_nonzero(wire.known) >= _FEWEST:
-            held = Gaussian(point, covariance, 0.0)
-            log_likelihood[index] = mixed(_linear(crossings, wire, point, held, every=2).values()).log_weight
-    return log_likelihood
+        known = np.count_nonzero(wire.known) >= _FEWEST
+        held = Gaussian(point, covariance, 0.0)
+        found.append(_linear(crossings, wire, point, held, every=every) if known else {})
+    return found
+
+
+def maxima(log_likelihood: Floats) -> list[tuple[int, int]]:
+    """Return the first and last place of the hill around each maximum of a likelihood on a grid (n,), highest first.
+
+    Hills are parted by valleys that are at least :data:`_VALLEY` deep.
+    """
+    hill, peak = np.full(len(log_likelihood), -1), list[float]()
+    for place in np.argsort(-log_likelihood, kind="stable").tolist():
+        value = float(log_likelihood[place])
+        if not np.isfinite(value):
+            break
+        beside = {int(hill[k]) for k in (place - 1, place + 1) if 0 <= k < len(hill) and hill[k] >= 0}
+        if not beside:
+            peak.append(value)
+            hill[place] = len(peak) - 1
+            continue
+        higher = min(beside)
+        hill[place] = higher
+        for lower in beside - {higher}:
+            if peak[lower] - value < _VALLEY:
+                hill[hill == lower] = higher
+    return [(int(rows[0]), int(rows[-1])) for k in range(len(peak)) if len(rows := np.flatnonzero(hill == k))]
+
+
+def around_maximum(
+    crossings: ThresholdCrossings,
+    signals: LogSignals,
+    *,
+    between_s: tuple[float, float],
+    prior: Gaussian,
+    lag_s: float,
+    gaps: Sequence[UnknownGap],
+) -> dict[float, Gaussian]:
+    """Return the Gaussian of the clock per size of delay, s, for a given lag, around a maximum between two offsets.
+
+    The temperatures at the crossings are no linear function of the offset: the distribution is summed up over offsets
+    on a grid, which is made finer around the maximum until :data:`_POINTS` of it carry weight.
+    """
+    low_s, high_s = between_s
+    while True:
+        offset_s, step_s = np.linspace(low_s, high_s, _GRID, retstep=True)
+        points = scan(crossings, signals, offset_s=offset_s, prior=prior, lag_s=lag_s, gaps=gaps, every=1)
+        total = np.array([mixed(one.values()).log_weight if one else -np.inf for one in points])
+        if not np.isfinite(total).any():
+            return {}
+        likely = np.flatnonzero(total > total.max() - NEGLIGIBLE_LOG)
+        if len(likely) >= _POINTS or step_s < _HELD_S:
+            break
+        low_s, high_s = offset_s[max(likely[0] - 1, 0)], offset_s[min(likely[-1] + 1, _GRID - 1)]
+    away = (offset_s - prior.mean[0]) ** 2 / prior.covariance[0, 0]
+    density = np.log(step_s) - 0.5 * (away + np.log(2.0 * np.pi * prior.covariance[0, 0]))
+    sizes = {size for one in points for size in one}
+    found = {
+        size: mixed(
+            [
+                replace(one[size], log_weight=one[size].log_weight + float(own))
+                for one, own in zip(points, density, strict=True)
+                if size in one
+            ]
+        )
+        for size in sorted(sizes)
+    }
+    best = max(one.log_weight for one in found.values())
+    return {size: one for size, one in found.items() if one.log_weight > best - NEGLIGIBLE_LOG}
 
 
 def scatter_c(
