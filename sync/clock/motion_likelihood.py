@@ -14,7 +14,7 @@ from sync.clock.gaussian_mixture import MOST_HYPOTHESES, NEGLIGIBLE_LOG, Gaussia
 from sync.clock.lag_likelihood import SHORT_LAG_S, LagMixture, lag_mixture, weighed_lags
 from sync.clock.offset_search import ALIKE, Assignment, OffsetRange, assignments, explained_share, find_ranges
 from sync.clock.threshold_crossings import ThresholdCrossings, collect_crossings
-from sync.clock.threshold_likelihood import around_maximum, maxima, scan, scatter_c
+from sync.clock.threshold_likelihood import around_maximum, maxima, refine, scan, scatter_c
 from sync.led import switchings_of
 from sync.log.outliers import noise_c, rounding_c
 from sync.log.timestamps import longest_gap_s
@@ -298,18 +298,28 @@ def _delays(
     offset_s = np.arange(offset_range.low_s, offset_range.high_s + step_s, step_s)
     points = scan(crossings, inputs.signals, offset_s=offset_s, prior=wide, lag_s=lag_s, gaps=inputs.gaps)
     log_likelihood = np.array([mixed(one.values()).log_weight if one else -np.inf for one in points])
-    found = [
-        around_maximum(
-            crossings,
-            inputs.signals,
-            between_s=(offset_s[first] - 0.5 * step_s, offset_s[last] + 0.5 * step_s),
-            prior=wide,
-            lag_s=lag_s,
-            gaps=inputs.gaps,
-        )
-        for first, last in maxima(log_likelihood)[:MOST_HYPOTHESES]
-    ]
-    return [parts for parts in found if parts]
+    linear, summed = (
+        functools.partial(way, crossings, inputs.signals, prior=wide, lag_s=lag_s, gaps=inputs.gaps)
+        for way in (refine, around_maximum)
+    )
+    found: list[dict[float, Gaussian]] = []
+    totals: list[Gaussian] = []
+    for first, last in maxima(log_likelihood)[:MOST_HYPOTHESES]:
+        top = first + int(np.argmax(log_likelihood[first : last + 1]))
+        start_s, limit_s = float(offset_s[top]), min(5.0, 3.0 * step_s)
+        parts = linear(start_s=start_s, limit_s=limit_s)
+        # A step of linearised temperatures may lead past their corners, to where hardly anything fits.
+        if not parts or mixed(parts.values()).log_weight < log_likelihood[top] - NEGLIGIBLE_LOG:
+            between_s = float(offset_s[first] - step_s), float(offset_s[last] + step_s)
+            parts = summed(between_s=between_s)
+        if not parts:
+            continue
+        total = mixed(parts.values())
+        sigma = float(np.sqrt(total.covariance[0, 0]))
+        if all(abs(other.mean[0] - total.mean[0]) >= max(0.3 * sigma, 0.02) for other in totals):
+            found.append(parts)
+            totals.append(total)
+    return found
 
 
 @dataclass(frozen=True, slots=True)

@@ -151,6 +151,39 @@ def _smooth_rates(signal: EvenSignal, at_s: Floats, slope: Floats, stroke: Ints)
     return rate, np.where(few, signal.slope_sigma, np.hypot(sigma, excess[own]))
 
 
+def refine(
+    crossings: ThresholdCrossings,
+    signals: LogSignals,
+    *,
+    start_s: float,
+    limit_s: float,
+    prior: Gaussian,
+    lag_s: float,
+    gaps: Sequence[UnknownGap],
+) -> dict[float, Gaussian]:
+    """Return the Gaussian of the clock per size of delay, s, for a given lag, from a start near the answer.
+
+    A step of the offset is at most ``limit_s``. Empty where too few crossings coincide with known temperatures.
+    """
+    point = prior.mean.copy()
+    point[0] = start_s
+    # Temperatures are linearised around a point: limit the steps to where they are nearly linear.
+    limit = np.full(len(point), limit_s)
+    limit[1] = 3e-4
+    limit[2:] = np.maximum(5.0, np.sqrt(np.diag(prior.covariance)[2:]))
+    best: dict[float, Gaussian] = {}
+    for _ in range(12):
+        wire = _wire(crossings, signals, point, gaps, lag_s)
+        if np.count_nonzero(wire.known) < _FEWEST:
+            return {}
+        best = _linear(crossings, wire, point, prior)
+        move = mixed(best.values()).mean - point
+        point = point + np.clip(move, -limit, limit)
+        if np.all(np.abs(move) < 4e-4 * limit):
+            break
+    return best
+
+
 def scan(
     crossings: ThresholdCrossings,
     signals: LogSignals,
@@ -213,8 +246,8 @@ def around_maximum(
 ) -> dict[float, Gaussian]:
     """Return the Gaussian of the clock per size of delay, s, for a given lag, around a maximum between two offsets.
 
-    The temperatures at the crossings are no linear function of the offset: the distribution is summed up over offsets
-    on a grid, which is made finer around the maximum until :data:`_POINTS` of it carry weight.
+    Where linearised temperatures do not lead to the maximum, the distribution is summed up over offsets on a grid,
+    which is made finer around the maximum until :data:`_POINTS` of it carry weight.
     """
     low_s, high_s = between_s
     while True:
