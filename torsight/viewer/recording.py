@@ -96,7 +96,7 @@ def recorded(results: RunResults, preview: Preview | None) -> bytes:
     _log_film(stream, results, preview)
     log_laws(stream, laws)
     _log_words(stream, results)
-    return memory.drain_as_bytes()
+    return bytes(memory.drain_as_bytes())
 
 
 def log_curves(stream: rr.RecordingStream, results: RunResults) -> None:
