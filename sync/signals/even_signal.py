@@ -60,12 +60,10 @@ def even_signal(
     noise: float,
     window_s: float,
     max_gap_s: float,
-    slope_window_s: float | None = None,
 ) -> EvenSignal | None:
     """Return samples of a given ``noise`` averaged onto an even grid and smoothed by a local parabola.
 
-    The slope has its own window if ``slope_window_s`` is given. Both steps are symmetric in time, so that they cause no
-    shift. None where fewer than a dozen samples are known.
+    Both steps are symmetric in time, so that they cause no shift. None where fewer than a dozen samples are known.
     """
     known = np.isfinite(value) & np.isfinite(time_s)
     at_s, there = time_s[known], value[known]
@@ -84,9 +82,8 @@ def even_signal(
     right = np.clip(np.searchsorted(at_s, grid_s), 1, len(at_s) - 1)
     bridged = at_s[right] - at_s[right - 1] <= max_gap_s
     points = _odd(window_s / step_s, count)
-    slope_points = points if slope_window_s is None else _odd(slope_window_s / step_s, count)
     smooth, value_spread = _local_parabola(filled, points, slope=False)
-    slope, slope_spread = _local_parabola(filled, slope_points, slope=True)
+    slope, slope_spread = _local_parabola(filled, points, slope=True)
     scale = noise / np.sqrt(per_point)
     return EvenSignal(
         start_s=float(at_s[0]),
