@@ -37,7 +37,7 @@ _LOOKED_AT_FOR_OTHER_BOARDS: Final = 2
 in total about as long as a person waits (:data:`~torsight.core.progress.ATTENTION_S`)."""
 _BEYOND_THE_BOARD: Final = 0.25
 """Largest share of views in which a chessboard may seem to continue, because the background can look like squares. Of
-drawn boards all larger ones seem to continue and no complete one does (benchmarks/calibration/constants.py)."""
+drawn boards 97 % of the larger ones seem to continue and no complete one (benchmarks/calibration/constants.py)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +132,7 @@ def find_views(
             view = find_board(picture.grey, board, name=picture.name, index=index, quick=bool(picture.group))
             if view is not None:
                 found.append(view)
-                beyond += goes_on(picture.grey, view, board)
+                beyond += goes_on(picture.grey, board)
             elif len(suspects) < _LOOKED_AT_FOR_OTHER_BOARDS:
                 suspects.append(picture)
             if view is not None or not picture.group:

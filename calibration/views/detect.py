@@ -40,6 +40,8 @@ _WINDOW_PER_EDGE: Final = 3.0
 half this value corners err by a sixth more, with twice by 1 % less."""
 FEWEST_CORNERS: Final = 8
 """Least number of corners in a picture, or in both of a pair: twice those that determine a plane's pose."""
+_BLACK_CELL: Final = 1
+"""OpenCV's mark of a corner that is the top left one of a black cell; the square before it is black, too."""
 _STOP: Final = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
 
 
@@ -65,12 +67,11 @@ class View:
 def find_board(grey: Grey, board: Board, *, name: str = "", index: int = 0, quick: bool = False) -> View | None:
     """Return the board's view in a picture (h, w), or None where the whole board (ChArUco: enough of it) is not found.
 
-    ``name`` and ``index`` are stored in the view; ``quick`` searches a smaller picture with the faster method only, for
-    the many frames of a film.
+    ``name`` and ``index`` are stored in the view; ``quick`` searches a smaller picture, for the many frames of a film.
     """
     side_px = _QUICK_SIDE_PX if quick else _DETECTION_SIDE_PX
     scale, small = max(1.0, max(grey.shape) / side_px), shrunk(grey, side_px)
-    found = _charuco(small, board) if board.kind == "charuco" else _chessboard(small, board, quick=quick)
+    found = _charuco(small, board) if board.kind == "charuco" else _chessboard(small, board)
     if found is None:
         return None
     corner, rough = found
@@ -98,48 +99,26 @@ def find_board(grey: Grey, board: Board, *, name: str = "", index: int = 0, quic
     )
 
 
-def _chessboard(grey: Grey, board: Board, *, quick: bool) -> tuple[Ints, Floats] | None:
+def _chessboard(grey: Grey, board: Board) -> tuple[Ints, Floats] | None:
     size = (board.columns, board.rows)
-    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
-    good, corners = cv2.findChessboardCorners(grey, size, flags=flags)
-    if not good and not quick:
-        good, corners = cv2.findChessboardCornersSB(grey, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
-    if not good or corners is None:
+    found, corners, kinds = cv2.findChessboardCornersSBWithMeta(grey, size, cv2.CALIB_CB_NORMALIZE_IMAGE)
+    if not found:
         return None
     grid = np.asarray(corners, np.float64).reshape(board.rows, board.columns, 2)
-    grid = _oriented(grey, grid, board)
+    grid = _oriented(grid, board, dark=bool(kinds[0, 0] == _BLACK_CELL))
     return np.arange(grid.size // 2, dtype=np.int64), grid.reshape(-1, 2)
 
 
-def _oriented(grey: Grey, grid: Floats, board: Board) -> Floats:
-    """Return the grid rotated or mirrored so that it starts at the board's first corner.
+def _oriented(grid: Floats, board: Board, *, dark: bool) -> Floats:
+    """Return the grid, which is never mirrored, turned so that it starts at the board's first corner.
 
-    Columns and rows must have the handedness of the picture (a board is never seen from behind). Half a turn is decided
-    by the colours (the first square is black), or for a symmetric board by the picture's right.
+    The colours decide where a turn changes them: the board's first square is black, as that at the grid's first corner
+    if it is ``dark``. For a symmetric board the picture's right decides.
     """
-    right, down = _steps(grid)
-    if right[0] * down[1] - right[1] * down[0] < 0.0:
-        grid = grid[:, ::-1]
-    if board.columns == board.rows:
-        quarter = [np.rot90(grid, k=turn) for turn in range(4)]
-        grid = max(quarter, key=lambda item: float(_steps(item)[0][0]))
     if not board.turned_looks_the_same:
-        return grid if _first_square_is_dark(grey, grid) else grid[::-1, ::-1]
-    return grid if _steps(grid)[0][0] >= 0.0 else grid[::-1, ::-1]
-
-
-def _steps(grid: Floats) -> tuple[Floats, Floats]:
-    return (grid[:, -1] - grid[:, 0]).mean(axis=0), (grid[-1] - grid[0]).mean(axis=0)
-
-
-def _first_square_is_dark(grey: Grey, grid: Floats) -> bool:
-    middles = 0.25 * (grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:] + grid[1:, 1:])
-    column, row = np.clip(middles.round().astype(int), 0, np.array(grey.shape[::-1]) - 1).transpose(2, 0, 1)
-    brightness = grey[row, column].astype(np.float64)
-    sign = np.where(np.add.outer(np.arange(row.shape[0]), np.arange(row.shape[1])) % 2 == 0, 1.0, -1.0)
-    # Compare neighbouring squares only: the light may vary over the board.
-    across = (brightness[:, 1:] - brightness[:, :-1]) * sign[:, :-1]
-    return float(across.mean()) > 0.0
+        return grid if dark else np.rot90(grid, 2)
+    turns = range(4) if board.columns == board.rows else (0, 2)
+    return max((np.rot90(grid, turn) for turn in turns), key=lambda one: float(np.mean(one[:, -1, 0] - one[:, 0, 0])))
 
 
 def _charuco(grey: Grey, board: Board) -> tuple[Ints, Floats] | None:
@@ -200,35 +179,13 @@ def board_normals(views: Sequence[View]) -> Floats:
     return np.array(normals)
 
 
-def goes_on(grey: Grey, view: View, board: Board) -> bool:
-    """Return whether the chessboard continues beyond the corners that ``BOARD.toml`` declares.
-
-    One more row of corners is searched on every side: at a corner between four squares the two pairs of opposite
-    squares differ, whereas at the rim of a board three of the four are the white border.
-    """
-    if board.kind != "chessboard":
+def goes_on(grey: Grey, board: Board) -> bool:
+    """Return whether a picture shows a chessboard with more corners than ``BOARD.toml`` declares."""
+    seen = _chessboard_size(grey)
+    if board.kind != "chessboard" or seen is None:
         return False
-    matrix, _ = cv2.findHomography(view.points_mm[:, :2], view.corners_px, 0)
-    across, down = board.corners
-    x, y = np.arange(-1, across + 1) - 0.5 * (across - 1), np.arange(-1, down + 1) - 0.5 * (down - 1)
-    sides = [[(u, v) for v in y[1:-1]] for u in (x[0], x[-1])] + [[(u, v) for u in x[1:-1]] for v in (y[0], y[-1])]
-    plane = np.asarray(matrix, np.float64)
-    return any(_are_corners(grey, np.array(side) * board.square_mm, plane, board.square_mm) for side in sides)
-
-
-def _are_corners(grey: Grey, points_mm: Floats, matrix: Floats, square_mm: float) -> bool:
-    """Return whether most of the given points lie between four squares of alternating colour."""
-    # Sample well inside the four squares, away from the blur of their edges.
-    offsets = 0.3 * square_mm * np.array([[1, 1], [-1, -1], [1, -1], [-1, 1]])
-    places = cv2.perspectiveTransform((points_mm[:, None] + offsets).reshape(-1, 1, 2), matrix)
-    column, row = places.reshape(-1, 2).round().astype(int).T
-    if column.min() < 0 or row.min() < 0 or column.max() >= grey.shape[1] or row.max() >= grey.shape[0]:
-        return False
-    same = grey[row, column].astype(np.float64).reshape(-1, 4)
-    contrast = np.abs(same[:, :2].mean(axis=1) - same[:, 2:].mean(axis=1))
-    unlike = np.maximum(np.abs(same[:, 0] - same[:, 1]), np.abs(same[:, 2] - same[:, 3]))
-    # A shadow may make some of the points look like corners, but not most of a row.
-    return bool(np.mean(contrast > np.maximum(2.0 * unlike, 20.0)) > 0.5)
+    more = np.subtract(sorted(seen), sorted(board.corners))
+    return bool((more >= 0).all() and more.any())
 
 
 def other_boards_seen(grey: Grey, board: Board) -> str | None:
@@ -240,19 +197,18 @@ def other_boards_seen(grey: Grey, board: Board) -> str | None:
 
 
 def _other_chessboard(grey: Grey, board: Board) -> str | None:
-    across, down = board.corners
-    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
-    tried = {(across, down), (down, across)}
-    # A grid may also be found as part of a larger board, so larger ones are tried first.
-    for extra in range(2, -3, -1):
-        for other in range(2, -3, -1):
-            size = (across + extra, down + other)
-            if size in tried or min(size) < 3:
-                continue
-            tried |= {size, size[::-1]}
-            if cv2.findChessboardCorners(grey, size, flags=flags)[0]:
-                return f"a chessboard of {size[0]} × {size[1]} inner corners"
-    return None
+    seen = _chessboard_size(grey)
+    if seen is None or sorted(seen) == sorted(board.corners):
+        return None
+    across, down = sorted(seen, reverse=board.columns > board.rows)
+    return f"a chessboard of {across} × {down} inner corners"
+
+
+def _chessboard_size(grey: Grey) -> tuple[int, int] | None:
+    """Return the numbers of inner corners of the largest chessboard in a picture, in either order; None without any."""
+    small, flags = shrunk(grey, _QUICK_SIDE_PX), cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_LARGER
+    found, _, grid = cv2.findChessboardCornersSBWithMeta(small, (3, 3), flags)
+    return (grid.shape[1], grid.shape[0]) if found else None
 
 
 def _other_dictionary(grey: Grey) -> str | None:

@@ -19,7 +19,7 @@ from sync.led import switchings_of
 from sync.log.outliers import noise_c, rounding_c
 from sync.log.timestamps import longest_gap_s
 from sync.signals.changepoints import MAX_LAG_S, SPLITS, Changepoint, Stop, cooling_start, find_stop, heating_end
-from sync.signals.heating_segments import HeatingSegment, LogSignals, lag_window_s, log_signals
+from sync.signals.heating_segments import HeatingSegment, LogSignals, log_signals
 from sync.signals.strokes import Stroke, find_strokes
 from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
@@ -122,11 +122,6 @@ def _from_start(
         return None
     lag = _lag(log, signals)
     changepoints = _changepoints(log, signals, lag.value_s, split=lag.split)
-    if lag.value_s is not None and lag.value_s > SHORT_LAG_S:
-        window_s = lag_window_s(signals)
-        signals = replace(
-            log_signals(log, max_gap_s=longest_gap_s(log.time_s), slope_window_s=window_s), segments=signals.segments
-        )
     signals = replace(signals, segments=_begun_at_power_off(signals.segments, changepoints))
     span = (float(angles.time_s[0]), float(angles.time_s[-1]))
     ranges = find_ranges(strokes, signals, film_span_s=span)

@@ -60,12 +60,10 @@ def even_signal(
     noise: float,
     window_s: float,
     max_gap_s: float,
-    slope_window_s: float | None = None,
 ) -> EvenSignal | None:
     """Return samples of a given ``noise`` averaged onto an even grid and smoothed by a local parabola.
 
-    The slope has its own window if ``slope_window_s`` is given. Both steps are symmetric in time, so that they cause no
-    shift. None where fewer than a dozen samples are known.
+    Both steps are symmetric in time, so that they cause no shift. None where fewer than a dozen samples are known.
     """
     known = np.isfinite(value) & np.isfinite(time_s)
     at_s, there = time_s[known], value[known]
@@ -84,9 +82,8 @@ def even_signal(
     right = np.clip(np.searchsorted(at_s, grid_s), 1, len(at_s) - 1)
     bridged = at_s[right] - at_s[right - 1] <= max_gap_s
     points = _odd(window_s / step_s, count)
-    slope_points = points if slope_window_s is None else _odd(slope_window_s / step_s, count)
     smooth, value_spread = _local_parabola(filled, points, slope=False)
-    slope, slope_spread = _local_parabola(filled, slope_points, slope=True)
+    slope, slope_spread = _local_parabola(filled, points, slope=True)
     scale = noise / np.sqrt(per_point)
     return EvenSignal(
         start_s=float(at_s[0]),
@@ -106,20 +103,13 @@ def _local_parabola(values: Floats, points: int, *, slope: bool) -> tuple[Floats
     """Return value or slope per point of the least-squares parabola through each point's neighbours, and its spread.
 
     ``points`` is the odd number of neighbours; at the ends the parabola of the first or last window is used. The spread
-    is the standard deviation of the result for values of standard deviation one. Source: Savitzky and Golay, Anal.
-    Chem. 36 (1964) 1627. SciPy's filter is not used, because importing ``scipy.signal`` takes half a second in nearly
-    every command.
+    is the standard deviation of the result for values of standard deviation one.
     """
-    half = points // 2
-    off = np.arange(-half, half + 1, dtype=np.float64)
-    fit = np.linalg.pinv(np.vander(off, 3, increasing=True))
-    found = np.empty(len(values))
-    found[half : len(values) - half] = np.correlate(values, fit[int(slope)], "valid")
-    for window, rows in ((values[:points], slice(0, half)), (values[-points:], slice(len(values) - half, None))):
-        level, rise, bend = fit @ window
-        at = off[:half] if rows.start == 0 else off[half + 1 :]
-        found[rows] = rise + 2.0 * bend * at if slope else level + rise * at + bend * at**2
-    return found, float(np.linalg.norm(fit[int(slope)]))
+    # Imported here: nearly every command imports this module, and scipy.signal takes half a second.
+    from scipy.signal import savgol_coeffs, savgol_filter
+
+    found = savgol_filter(values, points, 2, deriv=int(slope))
+    return found, float(np.linalg.norm(savgol_coeffs(points, 2, deriv=int(slope))))
 
 
 def _odd(points: float, most: int) -> int:

@@ -91,9 +91,9 @@ class LogSignals:
     segments: tuple[HeatingSegment, ...]
 
 
-def log_signals(log: TemperatureLog, *, max_gap_s: float, slope_window_s: float | None = None) -> LogSignals:
-    """Return both temperatures smoothed (their slopes over a separate window, if given) and their segments."""
-    springs = _even(log, window_s=WINDOW_S, max_gap_s=max_gap_s, slope_window_s=slope_window_s)
+def log_signals(log: TemperatureLog, *, max_gap_s: float) -> LogSignals:
+    """Return both temperatures smoothed, and their segments."""
+    springs = _even(log, window_s=WINDOW_S, max_gap_s=max_gap_s)
     segments = _driven([segment for name, signal in springs.items() for segment in _segments(name, signal)], springs)
     heatings = [segment for segment in segments if segment.heating]
     heated = _heated(log, springs, [one.end_s - one.begin_s for one in heatings], max_gap_s)
@@ -141,9 +141,7 @@ def _driven(segments: Sequence[HeatingSegment], springs: Mapping[Spring, EvenSig
     return driven
 
 
-def _even(
-    log: TemperatureLog, *, window_s: float, max_gap_s: float, slope_window_s: float | None = None
-) -> dict[Spring, EvenSignal]:
+def _even(log: TemperatureLog, *, window_s: float, max_gap_s: float) -> dict[Spring, EvenSignal]:
     found: dict[Spring, EvenSignal] = {}
     for name in get_args(Spring):
         signal = even_signal(
@@ -152,7 +150,6 @@ def _even(
             noise=noise_c(log.temp_c(name)),
             window_s=window_s,
             max_gap_s=max_gap_s,
-            slope_window_s=slope_window_s,
         )
         if signal is not None:
             found[name] = signal
@@ -167,12 +164,6 @@ def _until_the_next(segments: list[HeatingSegment]) -> tuple[HeatingSegment, ...
         return max(segment.end_s, min([segment.until_s, *(begin for begin in begins if begin > segment.begin_s)]))
 
     return tuple(one if one.heating else replace(one, until_s=until_s(one)) for one in segments)
-
-
-def lag_window_s(signals: LogSignals) -> float:
-    """Return the window over which a slope can be computed without rounding a cooling: a fifth of its time constant."""
-    lengths = [segment.end_s - segment.begin_s for segment in signals.segments if not segment.heating]
-    return float(np.clip(np.median(lengths) / 16.0, 0.5, 8.0)) if lengths else 2.0
 
 
 def _segments(spring: Spring, signal: EvenSignal) -> list[HeatingSegment]:

@@ -7,7 +7,6 @@ import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Self
 
 import cv2
 import numpy as np
@@ -21,7 +20,6 @@ from torsight.core.tracks import MARKERS
 from torsight.viewer import view_layout, write_recording
 from torsight.viewer.film_preview import write_preview
 from torsight.viewer.overlay import ARC_COLOUR, BASE_COLOUR, MOVING_COLOUR
-from torsight.viewer.recording import run_writer
 from torsight.viewer.screenshots import WHOLE, take_pictures
 
 
@@ -149,7 +147,6 @@ def test_the_preview_holds_the_films_pictures_in_order(tmp_path: Path) -> None:
 
 
 def test_the_viewers_settings_do_not_make_this_process_import_it_early() -> None:
-    import subprocess
 
     code = "import sys, torsight.viewer, torsight.viewer.view_layout; sys.exit('rerun' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], check=False)
@@ -242,52 +239,3 @@ def test_words_are_drawn(panes: dict[str, np.ndarray], pane: str) -> None:
     """Bright letters on the dark ground, in several lines."""
     lines = (panes[pane].min(axis=2) > 150).any(axis=1)
     assert np.count_nonzero(np.diff(lines.astype(int)) == 1) >= 4
-
-
-class _Writer:
-    """A writing process that ends after so many waits, and writes in each of the first ones."""
-
-    returncode = 0
-
-    def __init__(self, path: Path, *, ends_after: int, writes: int) -> None:
-        self.path, self.ends_after, self.writes, self.waits = path, ends_after, writes, 0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None: ...
-
-    def kill(self) -> None: ...
-
-    def communicate(self, given: str | None, *, timeout: float) -> tuple[str, None]:
-        assert (given is None) == (self.waits > 0)
-        self.waits += 1
-        if self.waits <= self.writes:
-            self.path.write_bytes(b"x" * self.waits)
-        if self.waits <= self.ends_after:
-            raise subprocess.TimeoutExpired("writer", timeout)
-        return "", None
-
-
-def test_a_process_that_writes_nothing_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("torsight.viewer.recording.WRITER", ("-c", "import time; time.sleep(600)"))
-    with pytest.raises(RuntimeError, match="stands still"):
-        run_writer(tmp_path, tmp_path / "recording.rrd", None, patience_s=0.2)
-
-
-def test_what_goes_wrong_in_the_writer_is_told(tmp_path: Path) -> None:
-    with pytest.raises(RuntimeError, match=r"not written \(InputError.*nowhere"):
-        run_writer(tmp_path / "nowhere", tmp_path / "recording.rrd", None)
-
-
-def test_a_slow_writer_is_waited_for_and_one_that_stands_still_is_not(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "recording.rrd"
-    slow, stuck = _Writer(path, ends_after=3, writes=3), _Writer(path, ends_after=99, writes=2)
-    writers = iter((slow, stuck))
-    monkeypatch.setattr("torsight.viewer.recording.subprocess.Popen", lambda *_, **__: next(writers))
-    run_writer(tmp_path, path, None)
-    assert slow.waits == 4
-    with pytest.raises(RuntimeError, match="writer"):
-        run_writer(tmp_path, path, None)

@@ -9,7 +9,7 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Final, cast
+from typing import IO, TYPE_CHECKING, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,17 +47,6 @@ class Preview:
     frame: Ints
     scale: float
     size_px: tuple[int, int]
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the preview as plain values for JSON."""
-        return {"path": str(self.path), "frame": self.frame.tolist(), "scale": self.scale, "size_px": self.size_px}
-
-    @classmethod
-    def from_json(cls, content: dict[str, Any]) -> Preview:
-        """Return the preview from the content of :meth:`to_json`."""
-        frame = np.array(content["frame"], np.int64)
-        width, height = content["size_px"]
-        return cls(Path(content["path"]), frame, float(content["scale"]), (width, height))
 
 
 def write_preview(film: str | Path, path: Path, *, frame_count: int, progress: Progress = silent) -> Preview:

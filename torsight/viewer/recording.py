@@ -1,22 +1,13 @@
-"""From the files of a run's folder to ``recording.rrd``, written by a process of its own.
+"""From the files of a run's folder to ``recording.rrd``.
 
-Rerun's thread that writes files ends when the disk is full, and every later call to it may block for ever: the next
-flush, the next recording, the end of the program. It therefore does not run in the process that holds the results, but
-in another one that runs this module. That process takes ``{"folder", "target", "preview"}`` on standard input, the
-preview as from :meth:`Preview.to_json` or null; it reports an error by :func:`torsight.viewer.encoding.report`.
+The recording is made in memory and written by this program: Rerun's own thread that writes files ends when the disk is
+full, and every later call to it may block for ever.
 """
 
 from __future__ import annotations
 
-import contextlib
-import errno
-import json
-import os
-import signal
-import subprocess
-import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -26,13 +17,12 @@ from torsight.core.files.paths import AnyPath
 from torsight.core.files.results import RunResults, column, read_results
 from torsight.core.files.storage import atomic_path
 from torsight.core.files.tables import marker_values
-from torsight.core.progress import STUCK_S, Progress, silent
+from torsight.core.progress import Progress, silent
 from torsight.core.series import usual_step
 from torsight.core.units import DEG, Floats, Ints
 from torsight.core.words.wording import variable_name
 from torsight.viewer import view_layout
-from torsight.viewer.encoding import report
-from torsight.viewer.film_preview import MOST_FRAMES, Preview, trouble_of, write_preview
+from torsight.viewer.film_preview import MOST_FRAMES, Preview, write_preview
 from torsight.viewer.overlay import Overlay, colour_of, overlay
 from torsight.viewer.run_words import half_cycle_begins, run_events, span_s, summary_document
 
@@ -51,11 +41,6 @@ CURVES: Final = {
     "temperature/b": ("temp_b_c", ("merged", "curves")),
 }
 """The column of each curve, and the tables that may hold it, in order of preference."""
-
-WRITER: Final = ("-P", "-m", "torsight.viewer.recording")
-
-_END: Final = b"RRF2FOOT"
-"""A recording ends with its table of contents, which these letters mark."""
 
 
 def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: Progress = silent) -> Path:
@@ -90,44 +75,20 @@ def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: P
         if film is not None and frames is not None:
             shrunk = Path(scratch) / "preview.mp4"
             preview = write_preview(Path(film), shrunk, frame_count=len(frames), progress=progress)
-        with _whole(temporary):
-            run_writer(folder, temporary, preview)
+        temporary.write_bytes(recorded(results, preview))
     progress("recording", 1, 1)
     return path
 
 
-def run_writer(folder: Path, target: Path, preview: Preview | None, *, patience_s: float = STUCK_S) -> None:
-    """Let another process write the recording, as long as the file grows."""
-    task = {"folder": str(folder), "target": str(target), "preview": None if preview is None else preview.to_json()}
-    # The child gets this process's import path, which may not be the default.
-    paths = os.environ | {"PYTHONPATH": os.pathsep.join(place for place in sys.path if place)}
-    words = [sys.executable, *WRITER]
-    with subprocess.Popen(words, env=paths, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as writer:
-        try:
-            answer, size = None, -1
-            given: str | None = json.dumps(task)
-            while answer is None:
-                try:
-                    answer, _ = writer.communicate(given, timeout=patience_s)
-                except subprocess.TimeoutExpired as error:
-                    given, before, size = None, size, target.stat().st_size if target.exists() else 0
-                    if size == before:
-                        raise RuntimeError("the writer stands still") from error
-        finally:
-            writer.kill()
-    if writer.returncode != 0:
-        raise RuntimeError(f"the recording was not written ({trouble_of(answer) or f'exit code {writer.returncode}'})")
-
-
-def log_recording(folder: Path, target: Path, preview: Preview | None) -> None:
-    """Write a recording in this process; on a full disk the call may never return, or the file lack its end."""
+def recorded(results: RunResults, preview: Preview | None) -> bytes:
+    """Return the recording of a run's results."""
     import rerun as rr
 
-    results = read_results(folder)
     # One recording per run: its name is the folder's, so that two runs opened together can be distinguished.
-    stream = rr.RecordingStream(view_layout.APPLICATION, recording_id=folder.resolve().name)
+    stream = rr.RecordingStream(view_layout.APPLICATION, recording_id=results.folder.resolve().name)
+    memory = stream.memory_recording()
     laws = laws_of(results)
-    stream.save(target, default_blueprint=view_layout.blueprint(span_s(results), laws=list(laws)))
+    stream.send_blueprint(view_layout.blueprint(span_s(results), laws=list(laws)))
     view_layout.log_styles(stream)
     log_curves(stream, results)
     log_band(stream, results)
@@ -135,24 +96,7 @@ def log_recording(folder: Path, target: Path, preview: Preview | None) -> None:
     _log_film(stream, results, preview)
     log_laws(stream, laws)
     _log_words(stream, results)
-    stream.flush()
-    stream.disconnect()
-
-
-@contextlib.contextmanager
-def _whole(path: Path) -> Iterator[None]:
-    """Refuse a recording that lacks its end: on a full disk the writer stops early, sometimes without an error."""
-    full = OSError(errno.ENOSPC, "it was cut off while it was written: is the disk full?")
-    try:
-        yield
-    except RuntimeError as error:
-        if "writer" not in str(error):
-            raise
-        raise full from error
-    with path.open("rb") as file:
-        file.seek(max(file.seek(0, os.SEEK_END) - 8 * len(_END), 0))
-        if _END not in file.read():
-            raise full
+    return bytes(memory.drain_as_bytes())
 
 
 def log_curves(stream: rr.RecordingStream, results: RunResults) -> None:
@@ -292,25 +236,3 @@ def _log_words(stream: rr.RecordingStream, results: RunResults) -> None:
             indexes=[rr.TimeColumn(view_layout.TIME, duration=[event.time_s for event in events])],
             columns=rr.TextLog.columns(text=[event.text for event in events], level=[event.level for event in events]),
         )
-
-
-def main() -> int:
-    """Write the recording and return the exit code."""
-    # Ctrl-C at the terminal is for the parent, which then ends this process.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    task = json.load(sys.stdin)
-    preview = None if task["preview"] is None else Preview.from_json(task["preview"])
-    try:
-        log_recording(Path(task["folder"]), Path(task["target"]), preview)
-    except OSError as error:
-        report(error.strerror or f"{type(error).__name__}: {error}", errno=error.errno if error.strerror else None)
-        return 1
-    except Exception as error:  # noqa: BLE001 - the sender says what it means
-        report(f"{type(error).__name__}: {error}", errno=None)
-        return 1
-    return 0
-
-
-if __name__ == "__main__":
-    # Exit immediately: otherwise Python would wait for Rerun's thread, which may have ended.
-    os._exit(main())

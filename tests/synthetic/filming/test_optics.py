@@ -11,6 +11,7 @@ import pytest
 
 from torsight.core.files.storage import write_text
 from torsight.core.optics.camera import camera_content, read_camera
+from torsight.core.optics.geometry import project, ray_from_pixel
 from torsight.core.units import DEG
 from torsight.synthetic.filming.optics import View, camera_of, undistort, views
 from torsight.synthetic.scene import scene_from
@@ -34,22 +35,19 @@ def points_mm() -> np.ndarray:
     return np.random.default_rng(1).uniform(-30.0, 30.0, (50, 3)) * [1.0, 1.0, 0.2]
 
 
-def test_projection_is_opencvs(points_mm: np.ndarray) -> None:
+def test_projection_is_that_of_the_tracking(points_mm: np.ndarray) -> None:
     for view in views(scene_from(TILTED)):
         rvec = cv2.Rodrigues(view.rotation)[0]
-        lens = view.intrinsics
-        seen, _ = cv2.projectPoints(points_mm, rvec, view.translation_mm, lens.matrix, lens.distortion)
-        assert np.allclose(view.project(points_mm), seen.reshape(-1, 2), atol=1e-8)
+        seen = project(points_mm, view.intrinsics, rvec=rvec, tvec_mm=view.translation_mm)
+        assert np.allclose(view.project(points_mm), seen, atol=1e-8)
 
 
-def test_rays_undo_the_lens() -> None:
+def test_rays_are_those_of_the_tracking() -> None:
     view = views(scene_from(TILTED))[0]
     lens = view.intrinsics
     pixels = np.array([[0.0, 0.0], [639.0, 479.0], [100.0, 300.0]])
     seen = (pixels - lens.matrix[:2, 2]) / np.diag(lens.matrix)[:2]
-    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-14)
-    expected = cv2.undistortPoints(pixels[:, None], lens.matrix, lens.distortion, criteria=criteria)
-    assert np.allclose(undistort(seen, lens.distortion), expected.reshape(-1, 2), atol=1e-9)
+    assert np.allclose(undistort(seen, lens.distortion), ray_from_pixel(pixels, lens)[0], atol=1e-9)
 
 
 def test_plane_and_ray_meet_where_the_point_is(points_mm: np.ndarray) -> None:

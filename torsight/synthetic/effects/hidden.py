@@ -7,15 +7,13 @@ beyond it. Effects outside the contract's list are in :mod:`torsight.synthetic.e
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 from torsight.core.files.config import get_table
 from torsight.core.files.storage import check_keys
-from torsight.synthetic.effects import mechanisms
-from torsight.synthetic.effects.mechanisms import HiddenEffect
+from torsight.synthetic.effects.mechanisms import MECHANISMS, HiddenEffect, effect
 from torsight.synthetic.keys import key, read_section
 
 STIFFENING_FORMS: Final = ("cubic", "third_slope", "quadratic", "loading", "bend")
@@ -32,16 +30,6 @@ class SensorLag(HiddenEffect):
         """Return the constants that it sets."""
         stages = 2 if self.form == "two_stage" else 1
         return {**HiddenEffect.constants(self), "lag_b_s": self.lag_s, "lag_stages": stages}
-
-
-@dataclass(frozen=True, slots=True)
-class SensorGain(HiddenEffect):
-    """The sensor reads between wire and room; 'curved' loses contact as the wire gets hotter."""
-
-    gain: float = key(
-        0.95, "reading above room per excess of the wire at 60 K", lower=0.2, upper=2.0, constant="sensor_gain"
-    )
-    form: str = key("linear", "law", choices=("linear", "curved"), constant="sensor_form")
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,68 +70,12 @@ class NonuniformTemperature(HiddenEffect):
 
 
 @dataclass(frozen=True, slots=True)
-class CoilFriction(HiddenEffect):
-    """Tight coils rub: friction that grows with the winding of either spring past an onset."""
-
-    rise_mnm: float = key(0.3, "added friction 100° past the onset", lower=0.0, upper=20.0, constant="coil")
-    onset_deg: float = key(650.0, "winding at which the coils touch", lower=0.0, upper=3000.0, constant="coil_onset")
-    form: str = key("linear", "law", choices=("linear", "quadratic", "exponential"), constant="coil_form")
-
-
-@dataclass(frozen=True, slots=True)
-class ViscousFriction(HiddenEffect):
-    """Grease: torque with the speed, or with its power 0.7."""
-
-    viscous_mnm_s_per_rad: float = key(2.0, "torque at 1 rad/s", lower=0.0, upper=1000.0, constant="viscous")
-    form: str = key("linear", "law", choices=("linear", "power"), constant="viscous_form")
-
-
-@dataclass(frozen=True, slots=True)
-class PositionFriction(HiddenEffect):
-    """Friction that changes once per turn: a sine, or one flattened at its extremes."""
-
-    amplitude: float = key(0.4, "relative change of the Coulomb torque", lower=-0.95, upper=0.95, constant="position")
-    phase_rad: float = key(0.0, "phase of the change", lower=-10.0, upper=10.0, constant="position_phase")
-    form: str = key("sine", "law", choices=("sine", "flattened"), constant="position_form")
-
-
-@dataclass(frozen=True, slots=True)
-class Stiffening(HiddenEffect):
-    """The stress-induced martensite ends: a wound spring stiffens past an onset."""
-
-    rise_mnm: float = key(0.4, "added torque 100° past the onset", lower=0.0, upper=20.0, constant="stiff")
-    onset_deg: float = key(650.0, "winding at which it starts", lower=0.0, upper=3000.0, constant="stiff_onset")
-    form: str = key(
-        "cubic",
-        "law; 'loading' is a third slope of the loading curve, which is unwound along the first, 'bend' a cubic of it",
-        choices=STIFFENING_FORMS,
-        constant="stiff_form",
-    )
-
-
-@dataclass(frozen=True, slots=True)
 class Eccentricity(HiddenEffect):
     """Disk or markers off the axis: the stick's angle errs once per turn."""
 
     amplitude_deg: float = key(1.5, "size of the error", lower=0.0, upper=30.0)
     phase_rad: float = key(0.0, "phase of the error", lower=-10.0, upper=10.0)
     form: str = key("sine", "law; 'lever' is the exact angle of an offset lever", choices=("sine", "lever"))
-
-
-@dataclass(frozen=True, slots=True)
-class Fatigue(HiddenEffect):
-    """The recoverable angle falls from cycle to cycle, without end or towards a limit."""
-
-    loss: float = key(
-        0.01, "share lost per cycle (geometric), or in the end (saturating)", lower=0.0, upper=0.9, constant="fatigue"
-    )
-    cycles: float = key(3.0, "cycles to 63 % of the loss (saturating)", lower=0.1, upper=1e4, constant="fatigue_cycles")
-    form: str = key(
-        "geometric",
-        "law; 'plastic' saturates, and an angle is lost: that share of what a winding by 0.66 of both leaves",
-        choices=("geometric", "saturating", "plastic"),
-        constant="fatigue_form",
-    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,14 +87,68 @@ class MarkerSlip(HiddenEffect):
     lasts_s: float = key(0.0, "how long it takes", lower=0.0, upper=1e5)
 
 
-def _effects_of(module: Mapping[str, Any]) -> dict[str, type[HiddenEffect]]:
-    """Return the effects that a module defines, by id: the class name in snake case."""
-    kinds = {name: kind for name, kind in module.items() if isinstance(kind, type) and issubclass(kind, HiddenEffect)}
-    del kinds["HiddenEffect"]
-    return {re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name).lower(): kinds[name] for name in kinds}
-
-
-HIDDEN: Final[Mapping[str, type[HiddenEffect]]] = _effects_of(globals()) | _effects_of(vars(mechanisms))
+HIDDEN: Final[Mapping[str, type[HiddenEffect]]] = {
+    "sensor_lag": SensorLag,
+    "sensor_gain": effect(
+        "The sensor reads between wire and room; 'curved' loses contact as the wire gets hotter.",
+        gain=key(
+            0.95, "reading above room per excess of the wire at 60 K", lower=0.2, upper=2.0, constant="sensor_gain"
+        ),
+        form=key("linear", "law", choices=("linear", "curved"), constant="sensor_form"),
+    ),
+    "clock_offset": ClockOffset,
+    "heat_crosstalk": HeatCrosstalk,
+    "nonuniform_temperature": NonuniformTemperature,
+    "coil_friction": effect(
+        "Tight coils rub: friction that grows with the winding of either spring past an onset.",
+        rise_mnm=key(0.3, "added friction 100° past the onset", lower=0.0, upper=20.0, constant="coil"),
+        onset_deg=key(650.0, "winding at which the coils touch", lower=0.0, upper=3000.0, constant="coil_onset"),
+        form=key("linear", "law", choices=("linear", "quadratic", "exponential"), constant="coil_form"),
+    ),
+    "viscous_friction": effect(
+        "Grease: torque with the speed, or with its power 0.7.",
+        viscous_mnm_s_per_rad=key(2.0, "torque at 1 rad/s", lower=0.0, upper=1000.0, constant="viscous"),
+        form=key("linear", "law", choices=("linear", "power"), constant="viscous_form"),
+    ),
+    "position_friction": effect(
+        "Friction that changes once per turn: a sine, or one flattened at its extremes.",
+        amplitude=key(0.4, "relative change of the Coulomb torque", lower=-0.95, upper=0.95, constant="position"),
+        phase_rad=key(0.0, "phase of the change", lower=-10.0, upper=10.0, constant="position_phase"),
+        form=key("sine", "law", choices=("sine", "flattened"), constant="position_form"),
+    ),
+    "stiffening": effect(
+        "The stress-induced martensite ends: a wound spring stiffens past an onset.",
+        rise_mnm=key(0.4, "added torque 100° past the onset", lower=0.0, upper=20.0, constant="stiff"),
+        onset_deg=key(650.0, "winding at which it starts", lower=0.0, upper=3000.0, constant="stiff_onset"),
+        form=key(
+            "cubic",
+            "law; 'loading' is a third slope of the loading curve, which is unwound along the first, "
+            "'bend' a cubic of it",
+            choices=STIFFENING_FORMS,
+            constant="stiff_form",
+        ),
+    ),
+    "eccentricity": Eccentricity,
+    "fatigue": effect(
+        "The recoverable angle falls from cycle to cycle, without end or towards a limit.",
+        loss=key(
+            0.01,
+            "share lost per cycle (geometric), or in the end (saturating)",
+            lower=0.0,
+            upper=0.9,
+            constant="fatigue",
+        ),
+        cycles=key(3.0, "cycles to 63 % of the loss (saturating)", lower=0.1, upper=1e4, constant="fatigue_cycles"),
+        form=key(
+            "geometric",
+            "law; 'plastic' saturates, and an angle is lost: that share of what a winding by 0.66 of both leaves",
+            choices=("geometric", "saturating", "plastic"),
+            constant="fatigue_form",
+        ),
+    ),
+    "marker_slip": MarkerSlip,
+    **MECHANISMS,
+}
 """Effects by id; the first twelve are those of the public contract."""
 
 

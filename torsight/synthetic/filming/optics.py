@@ -1,20 +1,25 @@
 """The synthetic camera: world to picture, and every pixel back to a plane across the rotation axis.
 
-Pose and distortion follow OpenCV's convention, but are implemented here, so that the project's reading of camera files
-can be checked against them.
+Projection and lens are OpenCV's own, not those of :mod:`torsight.core.optics.geometry`, so that the project's reading
+of camera files can be checked against them.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
+import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from torsight.core.optics.camera import Camera, Intrinsics, Pose, RightCamera
 from torsight.core.units import DEG, Floats
 from torsight.synthetic.scene import CameraSettings, Scene
+
+_UNTIL_IT_CONVERGES: Final = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 60, 1e-12)
+"""End of OpenCV's iteration: most steps, and the distance in units of the focal length, 1e-9 px."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,10 +32,9 @@ class View:
 
     def project(self, points_mm: Floats) -> Floats:
         """Return pixel positions (n, 2) of points (n, 3) in the world."""
-        inside = points_mm @ self.rotation.T + self.translation_mm
-        flat = distort(inside[:, :2] / inside[:, 2:], self.intrinsics.distortion)
-        k = self.intrinsics.matrix
-        return np.column_stack([k[0, 0] * flat[:, 0] + k[0, 2], k[1, 1] * flat[:, 1] + k[1, 2]])
+        turn, lens = cv2.Rodrigues(self.rotation)[0], self.intrinsics
+        seen = cv2.projectPoints(points_mm, turn, self.translation_mm, lens.matrix, lens.distortion)[0]
+        return np.asarray(seen, np.float64).reshape(-1, 2)
 
     def plane_from_ray(self, z_mm: float) -> Floats:
         """Return the homography (3, 3) from undistorted rays (x, y, 1) to (X, Y, 1) in the plane at height z."""
@@ -55,30 +59,10 @@ class View:
         return np.column_stack([seen[0] - seen[1], seen[2] - seen[3]]) / (2.0 * step)
 
 
-def distort(flat: Floats, coefficients: Floats) -> Floats:
-    """Return the distorted positions of normalised image points (..., 2)."""
-    k1, k2, p1, p2, k3 = coefficients
-    x, y = flat[..., 0], flat[..., 1]
-    r2 = x * x + y * y
-    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    return np.stack(
-        [
-            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-        ],
-        axis=-1,
-    )
-
-
 def undistort(seen: Floats, coefficients: Floats) -> Floats:
-    """Return the normalised image points whose distorted positions are ``seen`` (fixed-point iteration, to 1e-12)."""
-    flat = seen.copy()
-    for _ in range(60):
-        change = seen - distort(flat, coefficients)
-        flat = flat + change
-        if np.abs(change).max() < 1e-12:
-            break
-    return flat
+    """Return the normalised image points (..., 2) whose distorted positions are ``seen``, to 1e-12."""
+    flat = cv2.undistortPoints(seen.reshape(-1, 1, 2), np.eye(3), coefficients, criteria=_UNTIL_IT_CONVERGES)
+    return np.asarray(flat, np.float64).reshape(seen.shape)
 
 
 def rotation_about(axis: Floats, angle_rad: float) -> Floats:
