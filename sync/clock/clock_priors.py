@@ -21,9 +21,6 @@ class Priors:
 
     drift_sigma_ppm: float = 100.0
     """Quartz clocks of computers: 95 % within ±200 ppm of each other."""
-    idle_heating_weight: float = 0.5
-    """Loss of explained share of the motion per share of heatings without a motion in their direction: such a heating
-    may have been too short to cause motion."""
     no_segment_log: float = 8.0
     """Decrease of the log-likelihood by a stroke without any heating or cooling: e⁻⁸ is one of 3000."""
     crossing_temper: float = 0.2

@@ -405,7 +405,7 @@ def _require_seconds(angles: StickAngles, log: TemperatureLog, likelihood: Motio
         strokes, signals = find_strokes(film), log_signals(heated, max_gap_s=longest_gap_s(heated.time_s))
         if not strokes or not signals.segments:
             continue
-        ranges = find_ranges(strokes, signals, film_span_s=(float(film.time_s[0]), float(film.time_s[-1])))
+        ranges = find_ranges(strokes, signals)
         if max((part.score for part in ranges), default=0.0) > max(before + ALIKE, 1.0 - ALIKE):
             option = "" if name == "film" else f", or state the unit: --units time={'ms' if factor < 1.0 else 'min'}"
             raise InputError(

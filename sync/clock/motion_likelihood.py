@@ -123,8 +123,7 @@ def _from_start(
     lag = _lag(log, signals)
     changepoints = _changepoints(log, signals, lag.value_s, split=lag.split)
     signals = replace(signals, segments=_begun_at_power_off(signals.segments, changepoints))
-    span = (float(angles.time_s[0]), float(angles.time_s[-1]))
-    ranges = find_ranges(strokes, signals, film_span_s=span)
+    ranges = find_ranges(strokes, signals)
     if prior is not None:
         # The sensor's lag shifts strokes against their heatings, so that the range extends beyond the offset's prior.
         late_s = MAX_LAG_S if lag.sigma_s is None else 4.0 * lag.sigma_s
@@ -147,7 +146,7 @@ def _from_start(
     likely = [piece for piece in likely if piece.lost < least + NEGLIGIBLE_LOG]
     stops = [_paired_stops(inputs, piece.segments) for piece in likely]
     # Every piece accounts for the stops of all: one that it does not pair may have been at any instant of the film.
-    every, any_log = {stop.film_s for one in stops for stop in one}, -float(np.log(span[1] - span[0]))
+    every, any_log = {stop.film_s for one in stops for stop in one}, -float(np.log(np.ptp(angles.time_s)))
     weighed = ((_weigh(inputs, piece, own, prior), len(own)) for piece, own in zip(likely, stops, strict=True))
     found = [part.weighted((len(every) - paired) * any_log) for part, paired in weighed if part is not None]
     if not found:

@@ -55,9 +55,7 @@ class Assignment(NamedTuple):
         return PRIORS.no_segment_log * self.driven.count(False)
 
 
-def find_ranges(
-    strokes: Sequence[Stroke], signals: LogSignals, *, film_span_s: tuple[float, float]
-) -> tuple[OffsetRange, ...]:
+def find_ranges(strokes: Sequence[Stroke], signals: LogSignals) -> tuple[OffsetRange, ...]:
     """Return the ranges of offset that explain the motion about as well as the best, best first.
 
     There must be strokes and segments.
@@ -68,7 +66,6 @@ def find_ranges(
     high = log_end - strokes[0].begin_s
     offset_s = np.arange(low, high + _STEP_S, _STEP_S)
     score = explained_share(strokes, signals.segments, offset_s)
-    score -= PRIORS.idle_heating_weight * _idle_share(strokes, signals.segments, offset_s, film_span_s)
     best = float(score.max())
     if best <= 0.0:
         return ()
@@ -103,24 +100,6 @@ def best_share(strokes: Sequence[Stroke], segments: Sequence[HeatingSegment], *,
     low = min(segment.begin_s for segment in segments) - strokes[-1].end_s
     high = max(segment.until_s for segment in segments) - strokes[0].begin_s
     return float(explained_share(strokes, segments, np.arange(low, high + step_s, step_s)).max())
-
-
-def _idle_share(
-    strokes: Sequence[Stroke], segments: Sequence[HeatingSegment], offset_s: Floats, film_span_s: tuple[float, float]
-) -> Floats:
-    """Return the share of the heatings that are entirely on the film during which nothing moved in their direction."""
-    heatings = [segment for segment in segments if segment.heating]
-    idle = np.zeros(len(offset_s))
-    seen = np.zeros(len(offset_s))
-    for segment in heatings:
-        on_film = (segment.begin_s - offset_s >= film_span_s[0]) & (segment.end_s - offset_s <= film_span_s[1])
-        moved = np.zeros(len(offset_s), dtype=np.bool_)
-        for stroke in strokes:
-            if stroke.sign == segment.sign:
-                moved |= (stroke.begin_s + offset_s < segment.until_s) & (stroke.end_s + offset_s > segment.begin_s)
-        seen += on_film
-        idle += on_film & ~moved
-    return np.where(seen > 0, idle / np.maximum(seen, 1), 0.0)
 
 
 def assignments(
