@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from actuator_programmes import programme
 
+from torsight.actuator.doubt import Doubt
 from torsight.actuator.fitted import FittedModel, fitted_model, read_model, write_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import reference_spec
 from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG
+from torsight.discovery.prediction import predict_with_sigma
 
 FIRST = [(0, [(80.0, 0.2)]), (1, [(80.0, 0.2)]), (0, [(60.0, 0.2)])]
 LATER = [(1, [(58.0, 0.3)]), (0, [(76.0, 0.2)]), (1, [(80.0, 0.3)])]
@@ -99,3 +101,33 @@ def test_a_record_that_ends_hot_leaves_nothing():
     fitted = fitted_model(model, model.nominal(), drive)
     assert isinstance(fitted, FittedModel)
     assert fitted.end is None
+
+
+def test_a_film_that_ends_before_the_log_leaves_the_state_of_the_logs_end():
+    whole, fitted, later = whole_and_continued((), {}, warm=False)
+    model = ActuatorModel(reference_spec())
+    log, temps = programme([*FIRST, *LATER])
+    drive = model.prepare_log(part_of(log, slice(sum(len(own) for own in temps[:3]))), start_angle_rad=START_DEG * DEG)
+    read_rad = model.simulate(drive).angle_rad.copy()
+    # While the last spring still cools, and turns the disk.
+    read_rad[np.flatnonzero(np.abs(np.diff(read_rad)) > 1e-4)[-1] :] = np.nan
+    shorter = fitted_model(model, model.nominal(), replace(drive, angle_rad=read_rad))
+    assert shorter.end is not None
+    assert fitted.end is not None
+    assert shorter.end.angle_rad == pytest.approx(fitted.end.angle_rad, abs=1e-9)
+    np.testing.assert_allclose(shorter.predict(later, start_angle_rad=whole[0]).angle_rad, whole, atol=1e-6)
+
+
+def test_sigma_holds_the_unknown_state_of_a_log_that_starts_elsewhere():
+    effects = ("home_torque", "start_winding")
+    whole, fitted, later = whole_and_continued(effects, {}, warm=False)
+    fitted = replace(fitted, doubt=Doubt((), np.zeros((0, 0)), residual_deg=0.1))
+    known = predict_with_sigma(fitted, later, start_angle_rad=whole[0])
+    assert known.sigma_rad == pytest.approx(np.full(len(whole), 0.1 * DEG), rel=1e-6)
+    start_rad = whole[0] - 10.0 * DEG
+    found = predict_with_sigma(fitted, later, start_angle_rad=start_rad)
+    # A record of its own with the other winding: one standard deviation of the prior, 10°.
+    other = replace(fitted, values={**fitted.values, "start_loss_b_deg": 10.0}, start_angle_rad=None, end=None)
+    off_rad = np.abs(other.predict(later, start_angle_rad=start_rad).angle_rad - found.angle_rad)
+    assert off_rad.max() > 1.0 * DEG
+    assert np.all(found.sigma_rad >= 0.7 * off_rad)

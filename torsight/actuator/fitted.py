@@ -25,6 +25,7 @@ from torsight.core.files.config import get_names, get_number, get_table, get_tex
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_json, write_json
 from torsight.core.frozen import Frozen
+from torsight.core.parameter import Parameter
 from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG, Floats
 from torsight.core.words.plausible import MOST_ROWS_APART_S, SHORTEST_S
@@ -194,17 +195,37 @@ class FittedModel(Frozen, Shown):
         moved = {name: float(np.clip(self.values[name] + factor * by, *bounds[name])) for name, by in step.items()}
         return replace(self, values={**self.values, **moved})
 
+    def other_starts(self, start_angle_rad: float) -> Iterator[FittedModel]:
+        """Yield models whose springs start otherwise, by one standard deviation of each value's prior to either side.
+
+        None where a log starts in the state of the record's start or of its end, which is known.
+        """
+        if self._starts_as_record(start_angle_rad) or self.history(start_angle_rad).unwound_rad is not None:
+            return
+        usual = self._values_from(start_angle_rad)
+        for parameter in self._of_the_start():
+            for side in (-1.0, 1.0):
+                value = usual[parameter.name] + side * (parameter.sigma or 0.0)
+                moved = {parameter.name: float(np.clip(value, parameter.lower, parameter.upper))}
+                yield replace(self, values=usual | moved, start_angle_rad=None)
+
+    def _starts_as_record(self, start_angle_rad: float) -> bool:
+        return self.start_angle_rad is None or abs(start_angle_rad - self.start_angle_rad) <= _SAME_HOME_RAD
+
+    def _of_the_start(self) -> Iterator[Parameter]:
+        """Yield the parameters of the state at the record's start (family ``start``)."""
+        for effect in chosen_effects(tuple(self.model.effects)):
+            if effect.family == "start":
+                yield from effect.parameters
+
     def _values_from(self, start_angle_rad: float) -> dict[str, float]:
         """Return the values for a log that starts at an angle.
 
-        If this is not the record's start, the values of the state at the start (family ``start``) have their null.
+        If this is not the record's start, the values of the state at the start have their null.
         """
         values = dict(self.values)
-        if self.start_angle_rad is None or abs(start_angle_rad - self.start_angle_rad) <= _SAME_HOME_RAD:
-            return values
-        for effect in chosen_effects(tuple(self.model.effects)):
-            if effect.family == "start":
-                values |= {p.name: p.null for p in effect.parameters if p.null is not None}
+        if not self._starts_as_record(start_angle_rad):
+            values |= {p.name: p.null for p in self._of_the_start() if p.null is not None}
         return values
 
     def _turns_of(self, start_angle_rad: float, *, where: str) -> int:
@@ -281,12 +302,16 @@ def fitted_model(
 
 
 def _end(model: ActuatorModel, values: Mapping[str, float], drive: Drive, history: History | None = None) -> End | None:
-    """Return the springs' state at a record's end; None where they are not cold or the last angle is not known."""
-    simulation = model.simulate(drive, values, history=history)
+    """Return the springs' state at a record's end; None where they are not cold or no angle is known.
+
+    A film may end before the log does: the disk has moved since its last reading as the simulation has.
+    """
+    simulation, read = model.simulate(drive, values, history=history), np.flatnonzero(np.isfinite(drive.angle_rad))
     cold = min(simulation.xi_a[-1], simulation.xi_b[-1]) > _COLD
-    if not (cold and np.isfinite(drive.angle_rad[-1])):
+    if not (cold and len(read)):
         return None
-    return End(float(drive.angle_rad[-1]), simulation.unwound_rad)
+    since_rad = simulation.angle_rad[-1] - simulation.angle_rad[read[-1]]
+    return End(float(drive.angle_rad[read[-1]] + since_rad), simulation.unwound_rad)
 
 
 def write_model(path: AnyPath, fitted: FittedModel) -> None:

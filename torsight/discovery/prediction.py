@@ -66,10 +66,11 @@ def predict_with_sigma(
 ) -> PredictedAngle:
     """Predict the angle for a later temperature log, with its standard deviation at every instant.
 
-    The variance is the sum of six parts:
+    The variance is the sum of seven parts:
 
     - the noise of the reading from which the prediction starts, as large as in the record of the fit (the log is
       simulated from one standard deviation to either side: a motion may forget its start);
+    - the springs' state at the start, by its prior, where the log starts neither as the record did nor where it ended;
     - the discrepancy of the model on held-out half-cycles, in motion and at rest;
     - the uncertainty of the values (the log is simulated one standard deviation to either side along every principal
       axis of their covariance);
@@ -151,5 +152,6 @@ def _others(model: FittedModel, drive: Drive) -> Iterator[tuple[FittedModel, Dri
     if model.doubt is not None and model.doubt.reading_deg > 0.0:
         for off_rad in (DEG * model.doubt.reading_deg, -DEG * model.doubt.reading_deg):
             yield model, replace(drive, start_angle_rad=drive.start_angle_rad + off_rad), 0.5
+    yield from ((other, drive, 0.5) for other in model.other_starts(drive.start_angle_rad))
     for errors in (smooth_errors(drive, seed=0), lasting_sums(drive)):
         yield from ((model, with_errors(drive, error), 1.0 / len(errors)) for error in errors)
