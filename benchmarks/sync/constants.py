@@ -47,7 +47,7 @@ CLOCK = {
     "clock.led_likelihood": ("_GRID",),
     "clock.offset_search": ("ALIKE",),
     "clock.threshold_crossings": ("WHOLE_STROKE",),
-    "clock.threshold_likelihood": ("_RATE_POWERS",),
+    "clock.threshold_likelihood": ("_RATE_POWERS", "_VALLEY"),
     "signals.changepoints": ("MAX_LAG_S", "_POINTS"),
     "signals.even_signal": ("WINDOW_S",),
     "signals.heating_segments": ("_HEATING_SHARE", "_HELD_SHARE", "LATEST_S"),

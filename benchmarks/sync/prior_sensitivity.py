@@ -38,9 +38,8 @@ Answer = tuple[float, float, float]
 def changed(name: str, factor: float) -> Iterator[None]:
     """Multiply one prior; a share stays below one."""
     was = getattr(PRIORS, name)
-    value = tuple(factor * part for part in was) if isinstance(was, tuple) else factor * was
-    if name in ("lag_is_roundness", "crossing_temper", "stop_astray", "no_lag"):
-        value = min(value, 0.95)
+    most = 0.95 if name in ("lag_is_roundness", "crossing_temper", "stop_complete", "stop_astray", "no_lag") else np.inf
+    value = tuple(min(factor * part, most) for part in was) if isinstance(was, tuple) else min(factor * was, most)
     object.__setattr__(PRIORS, name, value)
     try:
         yield

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +21,7 @@ from sync.log.timestamps import longest_gap_s
 from sync.signals.changepoints import MAX_LAG_S, SPLITS, Changepoint, Stop, cooling_start, find_stop, heating_end
 from sync.signals.heating_segments import HeatingSegment, LogSignals, log_signals
 from sync.signals.strokes import Stroke, find_strokes
+from torsight.core.parameter import REACH
 from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM, Flags, Floats
@@ -302,8 +303,7 @@ def _delays(
         top = first + int(np.argmax(log_likelihood[first : last + 1]))
         start_s, limit_s = float(offset_s[top]), min(5.0, 3.0 * step_s)
         parts = linear(start_s=start_s, limit_s=limit_s)
-        # A step of linearised temperatures may lead past their corners, to where hardly anything fits.
-        if not parts or mixed(parts.values()).log_weight < log_likelihood[top] - NEGLIGIBLE_LOG:
+        if not _is_maximum(parts, offset_range, log_likelihood[top]):
             between_s = float(offset_s[first] - step_s), float(offset_s[last] + step_s)
             parts = summed(between_s=between_s)
         if not parts:
@@ -314,6 +314,19 @@ def _delays(
             found.append(parts)
             totals.append(total)
     return found
+
+
+def _is_maximum(parts: Mapping[float, Gaussian], offset_range: OffsetRange, start_log: float) -> bool:
+    """Return whether linearised temperatures led to a maximum, and not past their corners to where little fits.
+
+    With an unknown gap of the log the range holds for the rows before it only.
+    """
+    if not parts:
+        return False
+    total = mixed(parts.values())
+    reach_s = REACH * float(np.sqrt(total.covariance[0, 0]))
+    possible = offset_range.low_s - reach_s <= total.mean[0] <= offset_range.high_s + reach_s
+    return bool((possible or len(total.mean) > 2) and total.log_weight >= start_log - NEGLIGIBLE_LOG)
 
 
 @dataclass(frozen=True, slots=True)
