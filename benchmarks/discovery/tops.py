@@ -4,10 +4,12 @@ Discovery takes a top to be known as well as the smoother says (``temperature_er
 that the records ask for have mean square one, in their own standard deviations, and the evidence is largest: it is
 measured with the standard deviations as they are, and with half and twice of them.
 
-``--constants`` prints the angle's errors with half and with twice the constants from which errors are drawn.
+``--constants`` prints the angle's errors with half and with twice the constants from which errors are drawn, and
+``--draws`` how far the plain model's log evidence depends on the seed, by the number of draws.
 
     python benchmarks/discovery/tops.py --first 22
     python benchmarks/discovery/tops.py --first 4 --constants
+    python benchmarks/discovery/tops.py --first 6 --draws
 """
 
 from __future__ import annotations
@@ -38,6 +40,8 @@ from torsight.discovery.inference.search import Search
 from torsight.discovery.settings import Settings
 
 FACTORS = (0.5, 1.0, 2.0)
+DRAWS = (6, 12, 24, 48)
+SEEDS = 6
 CONSTANTS = ((temperature_errors, "_TOP_C"), (temperature_errors, "_DRAWS"))
 
 
@@ -85,18 +89,35 @@ def show_constants(records: Sequence[blind.Record]) -> None:
         print(f"{name:15s} {factor:6.1f} {errors[0]:10.3f}° {errors[1]:8.3f}° {errors[2]:8.3f}°")
 
 
+def show_draws(records: Sequence[blind.Record]) -> None:
+    """Print the standard deviation of the plain model's log evidence over seeds, by the number of draws."""
+    print("draws   median of the records   largest")
+    usual = temperature_errors._DRAWS  # noqa: SLF001 - the constant whose effect is measured
+    for count in DRAWS:
+        vars(temperature_errors)["_DRAWS"] = count
+        spreads = []
+        for record in records:
+            drive = ActuatorModel(record.spec).prepare(record.table)
+            problems = [ActuatorProblem(drive, record.spec, seed=seed) for seed in range(SEEDS)]
+            found = [Search(one, settings=Settings(), progress=silent).fits.plain().log_evidence for one in problems]
+            spreads.append(float(np.std(found, ddof=1)))
+        print(f"{count:5d} {np.median(spreads):23.2f} {max(spreads):9.2f}", flush=True)
+    vars(temperature_errors)["_DRAWS"] = usual
+
+
 def main() -> None:
     """Print a line for every time."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--part", choices=("work", "report"), default="work")
     parser.add_argument("--first", type=int, default=22, help="clean records")
     parser.add_argument("--constants", action="store_true", help="half and twice of constants instead")
+    parser.add_argument("--draws", action="store_true", help="dependence on the number of draws instead")
     given = parser.parse_args()
     clean = [case for case in blind.suite(given.part) if case.kind == "clean"][: given.first]
     records = [blind.make_record(case) for case in clean]
-    if given.constants:
+    if given.constants or given.draws:
         with one_thread():
-            show_constants(records)
+            (show_constants if given.constants else show_draws)(records)
         return
     print("factor    tops   mean square error   log evidence")
     with one_thread():

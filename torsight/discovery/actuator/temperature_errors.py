@@ -31,8 +31,9 @@ _TOP_C: Final = 1.0
 """Distance below a top over which its error decreases by e. The resulting errors of the angle change by 2 % with half
 and twice this value (benchmarks/discovery/tops.py, --constants)."""
 _DRAWS: Final = 24
-"""Number of draws. A row in which a disk may jump is noisy only if a draw moves the jump: with six draws the log
-evidence of a clean record is a matter of chance by tens of units (benchmarks/discovery/tops.py, --draws)."""
+"""Number of draws. A row in which a disk may jump counts as noisy only if a draw moves the jump: the log evidence of
+six clean records varies with the seed by 3 units (median; 4 at most), with six draws by 8 (54)
+(benchmarks/discovery/tops.py, --first 6 --draws)."""
 _SUMS: Final = 8
 """Number of sums of lasting errors, and of successive errors of which no two share their signs: two of each of four
 half-cycles' tops. A power of two, for which there is a matrix of Hadamard."""
