@@ -56,26 +56,34 @@ class ThresholdCrossings:
 def collect_crossings(
     strokes: Sequence[Stroke], segments: Sequence[HeatingSegment | None]
 ) -> ThresholdCrossings | None:
-    """Return the crossings of common levels by strokes that have a segment; None without any."""
+    """Return the crossings of common levels by strokes that have a segment; None without any.
+
+    Strokes of one segment, as between the holds of a heating, are parts of one motion: levels count from its start.
+    """
     kinds: dict[tuple[str, bool], list[int]] = {}
+    first: dict[int, int] = {}
     for index, segment in enumerate(segments):
         if segment is not None:
             kinds.setdefault((segment.spring, segment.heating), []).append(index)
+            first[index] = next(k for k in range(index + 1) if segments[k] is segment)
     rows: list[dict[str, NDArray[Any]]] = []
     for number, ((spring, heating), members) in enumerate(kinds.items()):
-        longest_rad = max(strokes[index].length_rad for index in members)
+        before_rad = {k: strokes[k].sign * (strokes[k].start_rad - strokes[first[k]].start_rad) for k in members}
+        longest_rad = max(before_rad[index] + strokes[index].length_rad for index in members)
         level_rad = longest_rad * _SHARES
-        usual_rad = _most_common(np.array([strokes[index].sign * strokes[index].start_rad for index in members]))
+        start_rad = {index: strokes[index].sign * strokes[first[index]].start_rad for index in members}
+        usual_rad = _most_common(np.array(list(start_rad.values())))
         for index in members:
-            stroke = strokes[index]
-            far_deg = (stroke.sign * stroke.start_rad - usual_rad) / DEG
+            stroke, own_rad = strokes[index], level_rad - before_rad[index]
+            far_deg = (start_rad[index] - usual_rad) / DEG
             if abs(far_deg) > PRIORS.farthest_deg:
                 continue
-            at_s, sigma_s = stroke.crossing_s(level_rad)
-            share = WHOLE_STROKE if stroke.length_rad > WHOLE_STROKE * longest_rad else _SHARES[-2]
-            usable = np.flatnonzero(np.isfinite(at_s) & (level_rad < share * stroke.length_rad))
+            at_s, sigma_s = stroke.crossing_s(own_rad)
+            reached_rad = before_rad[index] + stroke.length_rad
+            share = WHOLE_STROKE if reached_rad > WHOLE_STROKE * longest_rad else _SHARES[-2]
+            usable = np.flatnonzero(np.isfinite(at_s) & (own_rad > 0.0) & (own_rad < share * stroke.length_rad))
             # A cooling always ends cold: one that turns the disk less far had another balance of torques.
-            short = 0.0 if heating else 1.0 - stroke.length_rad / longest_rad
+            short = 0.0 if heating else 1.0 - reached_rad / longest_rad
             own = {"spring_b": spring == "b", "heating": heating, "stroke": index, "kind": number}
             same: dict[str, Any] = {**own, "far_deg": far_deg, "short": short}
             rows.append(

@@ -60,7 +60,8 @@ class HeatingSegment:
         before_s = 0.5 * usual_step(log.time_s)
         ends = [stop - before_s for _, stop in self.held_s if stop < self.end_s - LATEST_S]
         begins = [self.begin_s, *ends]
-        low_c = np.interp(ends, log.time_s, log.temp_c(self.spring))
+        known = np.isfinite(log.temp_c(self.spring))
+        low_c = np.interp(ends, log.time_s[known], log.temp_c(self.spring)[known])
         return tuple(
             replace(self, begin_s=begin, end_s=end, low_c=low, held_s=())
             for begin, end, low in zip(begins, [*ends, self.end_s], [self.low_c, *low_c.tolist()], strict=True)

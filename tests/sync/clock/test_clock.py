@@ -9,6 +9,7 @@ import pytest
 from sync import LightEvents, LogReading, estimate_clock, find_clock, read_temperature_log
 from sync.clock.gaussian_mixture import MOST_HYPOTHESES, Gaussian, clock_of
 from sync.clock.restarts import weigh_restarts, with_gap
+from sync.clock.threshold_likelihood import maxima
 from sync.log.repairs import Restart
 from tests.sync.made_up_pairs import Rig, make_pair, programme, records
 from tests.sync.two_instruments import read_pair
@@ -434,3 +435,23 @@ def test_many_restarts_are_no_more_hypotheses_than_are_weighed(monkeypatch):
     weigh_restarts(angles, LogReading(log, restarts=restarts), prior=None)
     # Six ways for each of five restarts, of which the likeliest hypotheses are kept: all of them are 6⁵ = 7,776.
     assert len(made) <= 5 * 6 * MOST_HYPOTHESES + 5
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_motions_between_the_holds_of_a_heating_tell_the_offset_to_a_frame(seed):
+    steps_c, rates = (44.0, 50.0, 56.0, 62.0, 68.0), (0.5, 0.3, 0.4, 0.6)
+    cycles = [
+        replace(one, rate_c_s=rate, peak_c=76.0, hold_s=60.0, steps_c=steps_c)
+        for one, rate in zip(programme(seed, half_cycles=4), rates, strict=True)
+    ]
+    clock = estimate_clock(*records(make_pair(seed, rig=Rig(threshold_scatter_c=0.02), cycles=cycles, offset_s=120.0)))
+    low, high = clock.offset_ci95_s
+    assert low <= 120.0 <= high
+    assert abs(clock.offset_s - 120.0) < 0.25
+    assert high - low < 1.0
+
+
+def test_hills_of_a_likelihood_are_parted_by_deep_valleys_alone():
+    log_likelihood = np.array([-np.inf, 0.0, 10.0, 9.0, 10.5, 2.0, 8.0, -np.inf])
+    assert maxima(log_likelihood) == [(1, 5), (6, 6)]
+    assert maxima(np.full(3, -np.inf)) == []
