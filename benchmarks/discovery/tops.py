@@ -40,7 +40,6 @@ from torsight.discovery.inference.search import Search
 from torsight.discovery.settings import Settings
 
 FACTORS = (0.5, 1.0, 2.0)
-DRAWS = (6, 12, 24, 48)
 SEEDS = 6
 CONSTANTS = ((temperature_errors, "_TOP_C"), (temperature_errors, "_DRAWS"))
 
@@ -89,20 +88,24 @@ def show_constants(records: Sequence[blind.Record]) -> None:
         print(f"{name:15s} {factor:6.1f} {errors[0]:10.3f}° {errors[1]:8.3f}° {errors[2]:8.3f}°")
 
 
+def by_seed(records: Sequence[blind.Record]) -> list[float]:
+    """Return the standard deviation of the plain model's log evidence over seeds, for every record."""
+    spreads = []
+    for record in records:
+        drive = ActuatorModel(record.spec).prepare(record.table)
+        problems = [ActuatorProblem(drive, record.spec, seed=seed) for seed in range(SEEDS)]
+        found = [Search(one, settings=Settings(), progress=silent).fits.plain().log_evidence for one in problems]
+        spreads.append(float(np.std(found, ddof=1)))
+    return spreads
+
+
 def show_draws(records: Sequence[blind.Record]) -> None:
-    """Print the standard deviation of the plain model's log evidence over seeds, by the number of draws."""
-    print("draws   median of the records   largest")
-    usual = temperature_errors._DRAWS  # noqa: SLF001 - the constant whose effect is measured
-    for count in DRAWS:
-        vars(temperature_errors)["_DRAWS"] = count
-        spreads = []
-        for record in records:
-            drive = ActuatorModel(record.spec).prepare(record.table)
-            problems = [ActuatorProblem(drive, record.spec, seed=seed) for seed in range(SEEDS)]
-            found = [Search(one, settings=Settings(), progress=silent).fits.plain().log_evidence for one in problems]
-            spreads.append(float(np.std(found, ddof=1)))
-        print(f"{count:5d} {np.median(spreads):23.2f} {max(spreads):9.2f}", flush=True)
-    vars(temperature_errors)["_DRAWS"] = usual
+    """Print how far the log evidence depends on the seed, at half and twice of the number of draws."""
+    print("factor of draws   median of the records   largest")
+    lines = [(1.0, by_seed(records))]
+    lines += [(factor, by_seed(records)) for factor in half_and_twice("_DRAWS", temperature_errors)]
+    for factor, spreads in lines:
+        print(f"{factor:15.1f} {np.median(spreads):23.2f} {max(spreads):9.2f}")
 
 
 def main() -> None:

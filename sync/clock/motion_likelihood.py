@@ -14,7 +14,7 @@ from sync.clock.gaussian_mixture import MOST_HYPOTHESES, NEGLIGIBLE_LOG, Gaussia
 from sync.clock.lag_likelihood import SHORT_LAG_S, LagMixture, lag_mixture, weighed_lags
 from sync.clock.offset_search import ALIKE, Assignment, OffsetRange, assignments, explained_share, find_ranges
 from sync.clock.threshold_crossings import ThresholdCrossings, collect_crossings
-from sync.clock.threshold_likelihood import around_maximum, maxima, refine, scan, scatter_c
+from sync.clock.threshold_likelihood import around_maximum, log_weights, maxima, refine, scan, scatter_c
 from sync.led import switchings_of
 from sync.log.outliers import noise_c, rounding_c
 from sync.log.timestamps import longest_gap_s
@@ -292,7 +292,7 @@ def _delays(
     step_s = max(0.5, (offset_range.high_s - offset_range.low_s) / 100.0)
     offset_s = np.arange(offset_range.low_s, offset_range.high_s + step_s, step_s)
     points = scan(crossings, inputs.signals, offset_s=offset_s, prior=wide, lag_s=lag_s, gaps=inputs.gaps)
-    log_likelihood = np.array([mixed(one.values()).log_weight if one else -np.inf for one in points])
+    log_likelihood = log_weights(points)
     linear, summed = (
         functools.partial(way, crossings, inputs.signals, prior=wide, lag_s=lag_s, gaps=inputs.gaps)
         for way in (refine, around_maximum)
@@ -378,6 +378,7 @@ def _corners(
 ) -> tuple[_Corner, ...]:
     """Return the instants at which a heating's temperature stops rising, at holds and at its end."""
     temperature = log.temp_c(segment.spring)
+    noise, rounding = noise_c(temperature), rounding_c(temperature)
     cooling = next(
         (c for f, c in changepoints if f.spring == segment.spring and abs(f.begin_s - segment.end_s) < 1.0), None
     )
@@ -387,8 +388,8 @@ def _corners(
             log,
             rise,
             cooling if rise.end_s == segment.end_s else None,
-            noise=noise_c(temperature),
-            rounding=rounding_c(temperature),
+            noise=noise,
+            rounding=rounding,
             lag_s=lag.value_s,
             split=lag.split,
         )

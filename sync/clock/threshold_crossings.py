@@ -61,17 +61,15 @@ def collect_crossings(
     Strokes of one segment, as between the holds of a heating, are parts of one motion: levels count from its start.
     """
     kinds: dict[tuple[str, bool], list[int]] = {}
-    first: dict[int, int] = {}
     for index, segment in enumerate(segments):
         if segment is not None:
             kinds.setdefault((segment.spring, segment.heating), []).append(index)
-            first[index] = next(k for k in range(index + 1) if segments[k] is segment)
     rows: list[dict[str, NDArray[Any]]] = []
     for number, ((spring, heating), members) in enumerate(kinds.items()):
-        before_rad = {k: strokes[k].sign * (strokes[k].start_rad - strokes[first[k]].start_rad) for k in members}
+        start_rad = {k: strokes[k].sign * strokes[segments.index(segments[k])].start_rad for k in members}
+        before_rad = {k: strokes[k].sign * strokes[k].start_rad - start_rad[k] for k in members}
         longest_rad = max(before_rad[index] + strokes[index].length_rad for index in members)
         level_rad = longest_rad * _SHARES
-        start_rad = {index: strokes[index].sign * strokes[first[index]].start_rad for index in members}
         usual_rad = _most_common(np.array(list(start_rad.values())))
         for index in members:
             stroke, own_rad = strokes[index], level_rad - before_rad[index]
@@ -84,8 +82,8 @@ def collect_crossings(
             usable = np.flatnonzero(np.isfinite(at_s) & (own_rad > 0.0) & (own_rad < share * stroke.length_rad))
             # A cooling always ends cold: one that turns the disk less far had another balance of torques.
             short = 0.0 if heating else 1.0 - reached_rad / longest_rad
-            own = {"spring_b": spring == "b", "heating": heating, "stroke": index, "kind": number}
-            same: dict[str, Any] = {**own, "far_deg": far_deg, "short": short}
+            same: dict[str, Any] = {"spring_b": spring == "b", "heating": heating, "stroke": index, "kind": number}
+            same |= {"far_deg": far_deg, "short": short}
             rows.append(
                 {"time_s": at_s[usable], "time_sigma_s": sigma_s[usable], "level": usable}
                 | {name: np.full(len(usable), value) for name, value in same.items()}

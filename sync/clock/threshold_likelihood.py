@@ -25,7 +25,7 @@ converts densities of temperature to densities of time, so that the fit does not
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -194,7 +194,7 @@ def scan(
     gaps: Sequence[UnknownGap],
     every: int = 2,
 ) -> list[dict[float, Gaussian]]:
-    """Return the clock per size of delay, s, at given offsets (n,), each held fixed, for every other scatter.
+    """Return the clock per size of delay, s, at given offsets (n,), each held fixed, mixed over ``every`` nth scatter.
 
     Empty where too few crossings coincide with known temperatures.
     """
@@ -210,6 +210,11 @@ def scan(
         held = Gaussian(point, covariance, 0.0)
         found.append(_linear(crossings, wire, point, held, every=every) if known else {})
     return found
+
+
+def log_weights(points: Sequence[Mapping[float, Gaussian]]) -> Floats:
+    """Return the logarithm of the likelihood (n,) at the points of a :func:`scan`, minus infinity at empty ones."""
+    return np.array([mixed(one.values()).log_weight if one else -np.inf for one in points])
 
 
 def maxima(log_likelihood: Floats) -> list[tuple[int, int]]:
@@ -253,7 +258,7 @@ def around_maximum(
     while True:
         offset_s, step_s = np.linspace(low_s, high_s, _GRID, retstep=True)
         points = scan(crossings, signals, offset_s=offset_s, prior=prior, lag_s=lag_s, gaps=gaps, every=1)
-        total = np.array([mixed(one.values()).log_weight if one else -np.inf for one in points])
+        total = log_weights(points)
         if not np.isfinite(total).any():
             return {}
         likely = np.flatnonzero(total > total.max() - NEGLIGIBLE_LOG)

@@ -40,7 +40,6 @@ def test_the_same_as_by_scipy_itself() -> None:
 def test_it_loads_minpack_alone_and_scipy_still_loads_after_it() -> None:
     code = """
 import sys, numpy as np
-from torsight.core import minimise
 from torsight.core.minimise import least_squares
 least_squares(lambda p: p - 1.0, np.zeros(1))
 print("scipy.optimize" in sys.modules)

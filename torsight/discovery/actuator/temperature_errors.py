@@ -32,7 +32,7 @@ _TOP_C: Final = 1.0
 and twice this value (benchmarks/discovery/tops.py, --constants)."""
 _DRAWS: Final = 24
 """Number of draws. A row in which a disk may jump counts as noisy only if a draw moves the jump: the log evidence of
-six clean records varies with the seed by 3 units (median; 4 at most), with six draws by 8 (54)
+six clean records varies with the seed by 3 units (median; 4 at most), with half as many draws by 5 (54)
 (benchmarks/discovery/tops.py, --first 6 --draws)."""
 _SUMS: Final = 8
 """Number of sums of lasting errors, and of successive errors of which no two share their signs: two of each of four
@@ -99,10 +99,10 @@ def lasting_sums(drive: Drive) -> list[Added]:
     are a column of Hadamard's matrix, and the products of two errors with different columns cancel. Among a few draws
     the size of an error would be a matter of chance.
     """
-    signs, sums = scipy.linalg.hadamard(_SUMS), np.zeros((_SUMS, 2, len(drive)))
+    tops, signs, sums = _rows_of_tops(drive), scipy.linalg.hadamard(_SUMS), np.zeros((_SUMS, 2, len(drive)))
     for number, (rows, error_c) in enumerate(_lasting(drive)):
         sums[:, :, rows] += np.multiply.outer(signs[:, number % _SUMS], error_c)
-    return [Added((a_c, b_c), *_rows_of_tops(drive)) for a_c, b_c in sums]
+    return [Added((a_c, b_c), *tops) for a_c, b_c in sums]
 
 
 def _rows_of_tops(drive: Drive) -> tuple[Ints, Ints]:
