@@ -1,24 +1,25 @@
-"""The likelihood of the clock from motion and temperature: offset search, thresholds, stops, the sensor's lag."""
+"""The likelihood of the clock from motion and temperature: offset search, thresholds, stops, lag."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import softmax
 
 from sync.clock.clock_priors import PRIORS
-from sync.clock.gaussian_mixture import MOST_HYPOTHESES, NEGLIGIBLE_LOG, Gaussian, UnknownGap, conditioned, mixed
+from sync.clock.gaussian_mixture import MOST_HYPOTHESES, NEGLIGIBLE_LOG, Gaussian, UnknownGap, mixed
 from sync.clock.lag_likelihood import SHORT_LAG_S, LagMixture, lag_mixture, weighed_lags
 from sync.clock.offset_search import ALIKE, Assignment, OffsetRange, assignments, explained_share, find_ranges
+from sync.clock.stops import PairedStop, paired_stops, rise_ends, with_stops
 from sync.clock.threshold_crossings import ThresholdCrossings, collect_crossings
 from sync.clock.threshold_likelihood import around_maximum, log_weights, maxima, refine, scan, scatter_c
 from sync.led import switchings_of
-from sync.log.outliers import noise_c, rounding_c
+from sync.log.outliers import noise_c
 from sync.log.timestamps import longest_gap_s
-from sync.signals.changepoints import MAX_LAG_S, SPLITS, Changepoint, Stop, cooling_start, find_stop, heating_end
+from sync.signals.changepoints import MAX_LAG_S, SPLITS, Changepoint, cooling_start, find_stop
 from sync.signals.heating_segments import HeatingSegment, LogSignals, log_signals
 from sync.signals.strokes import Stroke, find_strokes
 from torsight.core.parameter import REACH
@@ -68,8 +69,6 @@ class _Inputs:
     signals: LogSignals
     lag: LagMixture
     gaps: tuple[UnknownGap, ...]
-    stop: Callable[[Stroke], Stop | None]
-    corners: Callable[[HeatingSegment], tuple[_Corner, ...]]
 
 
 def begin_s(time_s: Floats) -> float:
@@ -138,14 +137,14 @@ def _from_start(
         return None
     # Pieces of the range share their strokes and segments, and a stop takes a hundred fits.
     stop = functools.cache(functools.partial(find_stop, angles))
-    corners = functools.cache(functools.partial(_corners, log, changepoints, lag))
-    inputs = _Inputs(angles, log, strokes, signals, lag, tuple(gaps), stop, corners)
+    corners = functools.cache(functools.partial(rise_ends, log, changepoints, lag))
+    inputs = _Inputs(angles, log, strokes, signals, lag, tuple(gaps))
     # Strokes have other segments at other offsets: each piece of a range has its own crossings.
     pieces = [piece for one in ranges[:MOST_HYPOTHESES] for piece in assignments(strokes, signals.segments, one)]
     least = min(piece.lost for piece in pieces)
     likely = sorted(pieces, key=lambda piece: piece.lost)[:MOST_HYPOTHESES]
     likely = [piece for piece in likely if piece.lost < least + NEGLIGIBLE_LOG]
-    stops = [_paired_stops(inputs, piece.segments) for piece in likely]
+    stops = [paired_stops(strokes, piece.segments, stop_of=stop, corners_of=corners) for piece in likely]
     # Every piece accounts for the stops of all: one that it does not pair may have been at any instant of the film.
     every, any_log = {stop.film_s for one in stops for stop in one}, -float(np.log(np.ptp(angles.time_s)))
     weighed = ((_weigh(inputs, piece, own, prior), len(own)) for piece, own in zip(likely, stops, strict=True))
@@ -163,7 +162,7 @@ def _from_start(
 
 
 def _weigh(
-    inputs: _Inputs, piece: Assignment, paired: Sequence[_PairedStop], prior: Gaussian | None
+    inputs: _Inputs, piece: Assignment, paired: Sequence[PairedStop], prior: Gaussian | None
 ) -> MotionLikelihood | None:
     """Return the likelihood in one range of offsets: by the thresholds, for every possible lag, then by the stops."""
     segments = piece.segments
@@ -192,7 +191,7 @@ def _weigh(
             )
             mixture.append(gaussian if prior is None else _with_prior(gaussian, prior, crossings.middle_s))
             late.append(late_s)
-    mixture = _with_stops(mixture, np.array(late), paired, inputs, middle_s=crossings.middle_s)
+    mixture = with_stops(mixture, np.array(late), paired, gaps=inputs.gaps, middle_s=crossings.middle_s)
     likeliest = int(np.argmax([total.log_weight for total in totals]))
     scatter = scatter_c(crossings, inputs.signals, clock=totals[likeliest], lag_s=assumed_s, gaps=inputs.gaps)
     late_weight = softmax([part.log_weight for part in delays[likeliest].values()])
@@ -221,47 +220,6 @@ def _possible(
         return offset_range
     low = max(low, offset_range.low_s)
     return replace(offset_range, low_s=low, high_s=max(min(high, offset_range.high_s), low + 0.5))
-
-
-def _with_stops(
-    mixture: Sequence[Gaussian], late_s: Floats, stops: Sequence[_PairedStop], inputs: _Inputs, *, middle_s: float
-) -> list[Gaussian]:
-    """Return the mixture conditioned on the stops, each of which may have another cause.
-
-    Where two stops contradict each other, both hypotheses are kept with their weights. All stops of a component share
-    a delay behind their temperatures of the size ``late_s`` (n,), which is integrated out, up to a part of their own.
-    """
-    unknowns = len(mixture[0].mean)
-    mean = np.column_stack([np.stack([gaussian.mean for gaussian in mixture]), late_s])
-    covariance = np.zeros((len(mixture), unknowns + 1, unknowns + 1))
-    covariance[:, :unknowns, :unknowns] = [gaussian.covariance for gaussian in mixture]
-    covariance[:, unknowns, unknowns] = late_s**2
-    log_weight = np.array([gaussian.log_weight for gaussian in mixture])
-    for stop in stops:
-        cut_short = 1.0 - stop.complete
-        found = [(mean, covariance, log_weight + np.log(stop.complete / stop.heated_s))]
-        for corner in stop.corners:
-            # Rows after a gap have timestamps that are too early by the missing time.
-            after_gap = [-1.0 if corner.log_s > gap.after_s else 0.0 for gap in inputs.gaps]
-            design = np.array([1.0, stop.film_s - middle_s, *after_gap, -1.0])
-            own_variance = stop.variance + corner.variance + (PRIORS.delay_shape * late_s) ** 2
-            for variance, share in (
-                (own_variance, 1.0 - PRIORS.stop_astray),
-                (own_variance + PRIORS.stop_astray_s**2, PRIORS.stop_astray),
-            ):
-                moved, smaller, fit = conditioned(
-                    mean, covariance, design=design, value=corner.log_s - stop.film_s, variance=variance
-                )
-                found.append((moved, smaller, log_weight + fit + np.log(cut_short * share / len(stop.corners))))
-        mean, covariance, log_weight = (np.concatenate(columns) for columns in zip(*found, strict=True))
-        order = np.argsort(-log_weight)[: MOST_HYPOTHESES * len(mixture)]
-        order = order[log_weight[order] > log_weight[order[0]] - NEGLIGIBLE_LOG]
-        mean, covariance, log_weight = mean[order], covariance[order], log_weight[order]
-        late_s = late_s[order % len(late_s)]
-    return [
-        Gaussian(mean[k, :unknowns], covariance[k, :unknowns, :unknowns], float(log_weight[k]))
-        for k in range(len(log_weight))
-    ]
 
 
 def _before(inputs: _Inputs, offset_range: OffsetRange, prior: Gaussian | None) -> Gaussian:
@@ -327,77 +285,6 @@ def _is_maximum(parts: Mapping[float, Gaussian], offset_range: OffsetRange, star
     reach_s = REACH * float(np.sqrt(total.covariance[0, 0]))
     possible = offset_range.low_s - reach_s <= total.mean[0] <= offset_range.high_s + reach_s
     return bool((possible or len(total.mean) > 2) and total.log_weight >= start_log - NEGLIGIBLE_LOG)
-
-
-@dataclass(frozen=True, slots=True)
-class _Corner:
-    """An instant of the log at which a temperature stops rising, and its variance."""
-
-    log_s: float
-    variance: float
-
-
-@dataclass(frozen=True, slots=True)
-class _PairedStop:
-    """A stop on the film, paired with the ends of the rises of the heating that drove the stroke.
-
-    ``complete`` is the probability that the transformation was completed: the motion may then stop at any time of the
-    heating, which lasts ``heated_s``.
-    """
-
-    film_s: float
-    variance: float
-    corners: tuple[_Corner, ...]
-    complete: float
-    heated_s: float
-
-
-def _paired_stops(inputs: _Inputs, segments: Sequence[HeatingSegment | None]) -> list[_PairedStop]:
-    """Pair abrupt ends of motion with the ends of the rises that may have driven them.
-
-    A heating that is held on its way rises several times, and a motion may stop at the end of each.
-    """
-    pairs: list[_PairedStop] = []
-    for stroke, segment in zip(inputs.strokes, segments, strict=True):
-        if segment is None or not segment.heating:
-            continue
-        stop, corners = inputs.stop(stroke), inputs.corners(segment)
-        if stop is not None and corners:
-            variance, heated_s = stop.sigma_s**2 + PRIORS.stop_sigma_s**2, segment.end_s - segment.begin_s
-            # A transformation that completes slows the motion down before.
-            complete = PRIORS.stop_complete[int(stop.speed > PRIORS.stop_full_speed)]
-            pairs.append(_PairedStop(stop.time_s, variance, corners, complete, heated_s))
-    return pairs
-
-
-def _corners(
-    log: TemperatureLog,
-    changepoints: Sequence[tuple[HeatingSegment, Changepoint]],
-    lag: LagMixture,
-    segment: HeatingSegment,
-) -> tuple[_Corner, ...]:
-    """Return the instants at which a heating's temperature stops rising, at holds and at its end."""
-    temperature = log.temp_c(segment.spring)
-    noise, rounding = noise_c(temperature), rounding_c(temperature)
-    cooling = next(
-        (c for f, c in changepoints if f.spring == segment.spring and abs(f.begin_s - segment.end_s) < 1.0), None
-    )
-    found = []
-    for rise in segment.rises(log):
-        changepoint = heating_end(
-            log,
-            rise,
-            cooling if rise.end_s == segment.end_s else None,
-            noise=noise,
-            rounding=rounding,
-            lag_s=lag.value_s,
-            split=lag.split,
-        )
-        if changepoint is not None:
-            # The larger the assumed lag, the earlier the changepoint's estimated time.
-            lag_part = PRIORS.changepoint_per_lag * (lag.sigma_s or 0.0)
-            found.append(_Corner(changepoint.time_s, changepoint.time_sigma_s**2 + lag_part**2))
-    return tuple(found)
 
 
 def _lag(log: TemperatureLog, signals: LogSignals) -> LagMixture:
