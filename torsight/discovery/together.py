@@ -149,11 +149,8 @@ def _require_different(tables: Sequence[SyncedTable], names: Sequence[str]) -> N
                 )
 
 
-def single(problem: SeveralRecords, joint: Explanation, record: int) -> Explanation:
-    """Return a joint explanation as one of a single record: with the record's rows, effects and values.
-
-    Its predictions of held-out half-cycles are those of the joint explanation.
-    """
+def single(joint: Explanation, record: int) -> Explanation:
+    """Return a joint explanation as one of a single record: with the record's rows, effects and values."""
     several = cast("SeveralRecords", joint.fitter.problem)
     part, rows = several.parts[record], several.rows_of(record)
     effects = several.effects_of(record, joint.fit.effects)
@@ -168,9 +165,7 @@ def single(problem: SeveralRecords, joint: Explanation, record: int) -> Explanat
         jacobian=solution.jacobian[rows][:, places],
     )
     fit, likelihood = Fit(effects, parameters, own), joint.likelihood.at(rows)
-    found = Explanation(fitter, fit, joint.laws, likelihood, joint.log_evidence)
-    found.__dict__["held_out"] = _own_held_out(problem, joint.held_out, record)
-    return found
+    return Explanation(fitter, fit, joint.laws, likelihood, joint.log_evidence)
 
 
 def _places(problem: SeveralRecords, fit: Fit, record: int, names: Sequence[str]) -> list[int]:
@@ -202,9 +197,9 @@ def _report(
     before, after = _pooled(problem, [one.before for one in records]), _pooled(problem, [one.after for one in records])
     floor = _mean_square(problem, [one.noise_floor_deg for one in records])
     account = {"found_by": "discovery", "records": list(names), **after.to_json()}
-    view = single(problem, chosen, last)
+    view = single(chosen, last)
     model = model_of(problem.parts[last], view)
-    others = [(model_of(problem.parts[last], single(problem, one, last)), part) for one, part in decision.shared]
+    others = [(model_of(problem.parts[last], single(one, last)), part) for one, part in decision.shared]
     places = _places(problem, chosen.fit, last, [p.name for p in view.fit.parameters])
     doubt = doubt_of(
         view.fit.parameters,
@@ -239,11 +234,12 @@ def _records(
     unseen = [_without(problem, one, progress=progress) for one in (base, chosen)]
     found = []
     for k, (part, name) in enumerate(zip(problem.parts, names, strict=True)):
-        plain, best = single(problem, base, k), single(problem, chosen, k)
-        before, after = errors_of(part, plain, plain.held_out), errors_of(part, best, best.held_out)
+        plain, best = single(base, k), single(chosen, k)
+        plain_held_out, held_out = (_own_held_out(problem, one.held_out, k) for one in (base, chosen))
+        before, after = errors_of(part, plain, plain_held_out), errors_of(part, best, held_out)
         own = {p.name: parameters[problem.joint_name(k, p.name)] for p in best.fit.parameters if p.name in problem.own}
         floor = noise_floor(part, best, Stretches.of(part))
-        curves = curve_columns(part, plain.fit, model_of(part, best), [label for label, _ in plain.held_out.folds])
+        curves = curve_columns(part, plain.fit, model_of(part, best), [label for label, _ in plain_held_out.folds])
         found.append(
             RecordAnswer(
                 file=name,
@@ -300,8 +296,8 @@ def _next(problem: SeveralRecords, findings: Findings, *, progress: Progress) ->
     if findings.verdict != "ambiguous":
         return None
     part = problem.parts[last]
-    views = [single(problem, one, last) for one in (decision.chosen, *decision.rivals)]
-    field = Field(views[0].likelihood, Stretches.of(part), {(): single(problem, findings.field.base, last)})
+    views = [single(one, last) for one in (decision.chosen, *decision.rivals)]
+    field = Field(views[0].likelihood, Stretches.of(part), {(): single(findings.field.base, last)})
     return next_experiment(part, field, views, needed_gain=NEEDED_GAIN, progress=progress)
 
 

@@ -234,6 +234,18 @@ class SeveralRecords(OptionalMembers):
         """Return the angles in degrees as the cameras would read them."""
         return np.concatenate([part.predict(*own) for part, own in self._owns(values, effects)])
 
+    def predict_many(self, values: Sequence[Mapping[str, float]], effects: Sequence[str]) -> list[Floats]:
+        """Return ``predict`` at several points, of which many differ in values that only one of the records has."""
+        each = []
+        for k, part in enumerate(self.parts):
+            own_effects, known = self.effects_of(k, effects), dict[tuple[float, ...], Floats]()
+            points = [self.values_of(k, one) for one in values]
+            for point in points:
+                if (key := tuple(point.values())) not in known:
+                    known[key] = part.predict(point, own_effects)
+            each.append([known[tuple(point.values())] for point in points])
+        return [np.concatenate(parts) for parts in zip(*each, strict=True)]
+
     def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return the angles' noise (n,) from the temperatures' remaining noise, without that of half-cycles' tops."""
         return np.concatenate([part.input_noise(*own) for part, own in self._owns(values, effects)])

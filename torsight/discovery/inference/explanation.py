@@ -52,6 +52,14 @@ class Explanation:
         """Prediction of every block from the others."""
         return held_out_by_refit(self.fitter, self.fit, progress=self.progress)
 
+    @cached_property
+    def held_out_log(self) -> float:
+        """Log score on blocks that were each predicted from the others.
+
+        The uncertainty of the values in a fit without the block (those of a wandering clock, say) is part of the score.
+        """
+        return self.held_out_likelihood.log(np.nan_to_num(self.held_out.residual))
+
     @property
     def held_out_likelihood(self) -> Likelihood:
         """Likelihood of the held-out residual: the uncertainty of a fold's values is an error that its block shares."""

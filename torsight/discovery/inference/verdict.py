@@ -203,8 +203,8 @@ class _Judge:
             fitted = [self._field.explanations[part] for part in parts if part in self._field.explanations]
             if not fitted:
                 return chosen
-            best = max(fitted, key=self._score)
-            if self._score(best) <= self._score(chosen):
+            best = max(fitted, key=lambda one: one.held_out_log)
+            if best.held_out_log <= chosen.held_out_log:
                 return chosen
             chosen = best
         return chosen
@@ -212,13 +212,6 @@ class _Judge:
     def _once(self, one: Explanation, name: str) -> bool:
         """Return whether a member is an event: it happened once, so that no other block can predict it."""
         return one.fitter.candidates[name].event is not None
-
-    def _score(self, one: Explanation) -> float:
-        """Return the log score on blocks that were each predicted from the others.
-
-        The uncertainty of the values in a fit without the block (those of a wandering clock, say) is part of the score.
-        """
-        return one.held_out_likelihood.log(np.nan_to_num(one.held_out.residual))
 
     def names(self, chosen: Explanation) -> dict[str, tuple[str, Explanation]]:
         """Return the names of a set's members: effects their own, laws that of a usual form that explains as much.
