@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 
 from torsight.actuator.record.holds import beside_corners, level_holds
-from torsight.actuator.record.log_noise import NEGLIGIBLE_C, SHORTEST, is_stepped, last_digit, measure_noise
+from torsight.actuator.record.log_noise import NEGLIGIBLE_C, SHORTEST, last_digit, measure_noise
 from torsight.actuator.record.ripple import ripple_peaks
 from torsight.actuator.record.slow_log import (
     SLOW_S,
@@ -103,8 +103,8 @@ class Readings:
     independent noise that is equivalent to their correlated noise. The noise of one reading is ``noise_c``; it is
     correlated over ``alike`` rows of the log, and independent in rows ``interval_s`` apart. Including the rounding to
     the last digit it is ``digit_noise_c`` at most. Readings that are ``far_apart`` miss the corners of the temperature.
-    Those that ``are_clean`` need no smoothing: all their noise is that of a fine last digit, which is bounded, or its
-    peaks do not matter. The peaks of other noise advance a transformation the further, the longer it is held.
+    Those that ``are_clean`` need no smoothing: the peaks of their noise do not matter. The peaks of other noise advance
+    a transformation the further, the longer it is held; rounding only hides how far.
     """
 
     time_s: Floats
@@ -138,8 +138,7 @@ class Readings:
         times, means = (np.array(values, np.float64) for values in _blocks(time_s, temp_c, _BLOCK_S))
         of_block, correlation = measure_noise(times, means)
         sigma = max(of_block, 0.2 * least) * math.sqrt(correlation)
-        by_rounding = noise <= min(NEGLIGIBLE_C, 2.0 * digit)
-        clean = noise <= _PEAKLESS_C or (by_rounding and is_stepped(temp_c, digit_c))
+        clean = noise <= _PEAKLESS_C
         digit_noise = math.hypot(noise, digit)
         return cls(times, means, noise, alike, alike * interval_s, sigma, digit_noise, far_apart, clean)
 
