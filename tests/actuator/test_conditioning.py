@@ -62,7 +62,7 @@ def test_the_peaks_of_little_noise_do_not_raise_a_held_top(digit_c, between):
         noise_c = 0.004 * np.random.default_rng(seed).standard_normal(len(time_s))
         read_c = np.interp(rows_s, time_s, np.round((course_c + noise_c) / digit_c) * digit_c)
         assert np.max(read_c) > 70.008
-        assert np.max(condition(rows_s, read_c).temp_c) == pytest.approx(70.0, abs=max(0.003, 0.5 * digit_c))
+        assert np.max(condition(rows_s, read_c).temp_c) == pytest.approx(70.0, abs=max(0.003, 0.6 * digit_c))
 
 
 @pytest.mark.parametrize("noise_c", [0.02, 0.1, 0.25])
@@ -81,11 +81,14 @@ def rounded(digit_c: float, noise_c: float, seed: int) -> tuple[Floats, Floats]:
     return time_s, digit_c * np.round((wire + noise) / digit_c)
 
 
-@pytest.mark.parametrize("noise_c", [0.05, 0.058, 0.08, 0.12])
+@pytest.mark.parametrize("digit_c", [0.01, 0.1])
+@pytest.mark.parametrize("in_digits", [0.35, 0.5, 0.58, 0.8, 1.2])
 @pytest.mark.parametrize("seed", range(3))
-def test_noise_of_a_rounded_log_is_measured_with_what_rounding_adds(noise_c: float, seed: int) -> None:
-    noise, correlation = measure_noise(*rounded(0.1, noise_c, seed))
-    assert noise == pytest.approx(math.hypot(noise_c, 0.1 / math.sqrt(12.0)), rel=0.1)
+def test_noise_of_a_rounded_log_is_measured_with_what_rounding_adds(
+    digit_c: float, in_digits: float, seed: int
+) -> None:
+    noise, correlation = measure_noise(*rounded(digit_c, in_digits * digit_c, seed))
+    assert noise == pytest.approx(digit_c * math.hypot(in_digits, 1.0 / math.sqrt(12.0)), rel=0.1)
     assert correlation <= 2.0
 
 

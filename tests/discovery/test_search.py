@@ -378,7 +378,9 @@ def test_a_member_that_fails_on_unseen_blocks_is_left_out() -> None:
     field = search.run()
     pair = field.explanations["coulomb", "warmth"]
     assert decide(field, settings=Settings(), choices=search.choices, can_hold_out=True).chosen is pair
-    pair.__dict__["held_out"] = replace(pair.held_out, residual=50.0 * pair.held_out.residual)
+    worse = replace(pair)
+    worse.__dict__["held_out"] = replace(pair.held_out, residual=50.0 * pair.held_out.residual)
+    field.explanations["coulomb", "warmth"] = worse
     decision = decide(field, settings=Settings(), choices=search.choices, can_hold_out=True)
     assert decision.chosen.members in {("coulomb",), ("warmth",)}
 
