@@ -23,6 +23,9 @@ class Priors:
     """Quartz clocks of computers: 95 % within ±200 ppm of each other."""
     no_segment_log: float = 8.0
     """Decrease of the log-likelihood by a stroke without any heating or cooling: e⁻⁸ is one of 3000."""
+    uncovered_log: float = 5.0
+    """Decrease of the log-likelihood per share of the film's time outside the log: films and logs are recorded for each
+    other, so that this share has an exponential prior with a mean of one fifth."""
     crossing_temper: float = 0.2
     """Power of the thresholds' likelihood in the weights of the answers: the ten crossings of a stroke share one
     scatter and count as two."""

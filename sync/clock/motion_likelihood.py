@@ -151,6 +151,7 @@ def _from_start(
     found = [part.weighted((len(every) - paired) * any_log) for part, paired in weighed if part is not None]
     if not found:
         return None
+    found = [replace(part, mixture=_as_covered(part.mixture, angles.time_s, log.time_s)) for part in found]
     best = max(found, key=lambda part: part.weight)
     # Offsets of all parts refer to one instant of the film.
     mixture = [gaussian.moved(best.middle_s - part.middle_s) for part in found for gaussian in part.mixture]
@@ -159,6 +160,15 @@ def _from_start(
     offsets = np.arange(ranges[0].low_s - 2000.0, ranges[0].high_s + 2000.0, 5.0)
     swapped = float(explained_share(strokes, mirrored, offsets).max()) > ranges[0].score + ALIKE
     return replace(best, mixture=tuple(mixture), ranges=ranges, swapped=swapped)
+
+
+def _as_covered(mixture: Sequence[Gaussian], film_s: Floats, log_s: Floats) -> tuple[Gaussian, ...]:
+    """Return a mixture, weighed by the share of the film (n,) that lies outside the log (m,) at its offsets."""
+    offset_s = np.array([gaussian.mean[0] for gaussian in mixture])
+    inside_s = np.minimum(film_s[-1] + offset_s, log_s[-1]) - np.maximum(film_s[0] + offset_s, log_s[0])
+    outside = 1.0 - np.maximum(inside_s, 0.0) / np.ptp(film_s)
+    log_weight = [gaussian.log_weight for gaussian in mixture] - PRIORS.uncovered_log * outside
+    return tuple(replace(one, log_weight=float(log)) for one, log in zip(mixture, log_weight, strict=True))
 
 
 def _weigh(
