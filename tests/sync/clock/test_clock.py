@@ -87,6 +87,21 @@ def test_a_spring_that_the_other_one_warms_is_not_heated(seed):
 
 
 @pytest.mark.parametrize("seed", [3, 4])
+@pytest.mark.parametrize("moving", [0, 1, 2])
+def test_of_heatings_that_are_alike_those_are_likelier_at_which_the_log_covers_the_film(seed, moving):
+    angles, log = records(make_pair(seed, cycles=3 * programme(seed, half_cycles=2, incomplete=False), offset_s=40.0))
+    ends = np.linspace(0, len(angles), 4).astype(int)
+    first, last = ends[moving], ends[moving + 1]
+    angle = angles.angle_rad + 0.0
+    noise = np.diff(angles.angle_rad, prepend=angles.angle_rad[0]) / np.sqrt(2.0)
+    angle[:first], angle[last:] = angle[first] + noise[:first], angle[last - 1] + noise[last:]
+    clock = estimate_clock(replace(angles, angle_rad=angle), log)
+    assert clock.offset_s == pytest.approx(40.0, abs=5.0)
+    # The pairs of heatings are alike: the others are possible, too.
+    assert np.ptp(clock.offset_ci95_s) > 0.3 * (log.time_s[-1] - log.time_s[0])
+
+
+@pytest.mark.parametrize("seed", [3, 4])
 def test_a_hold_that_is_read_too_cold_by_rounding_moves_no_clock(seed):
     """The sensor's steps of 0.5 °C let 60 °C read as 59.85 °C, which a ramp of 0.1 °C/s reaches 1.5 s earlier."""
     angles, log = records(make_pair(seed, rig=Rig(temp_noise_c=0.01), offset_s=40.0))
