@@ -34,6 +34,7 @@ from torsight.discovery.weight import Weight
 MOTION: Final = 0
 REST: Final = 1
 OPENING: Final = 2
+INTERRUPTED: Final = 3
 _SIZE: Final = 1e-4
 """Relative accuracy of a discrepancy's variance."""
 _ROUNDS: Final = 8
@@ -53,7 +54,8 @@ class Likelihood:
     floor : (n,) float64
         Standard deviation of the inputs' noise in a sample alone.
     kind : (n,) int8
-        :data:`MOTION`, :data:`REST` or :data:`OPENING`: which discrepancy a sample shares.
+        :data:`MOTION`, :data:`REST` or :data:`OPENING`: which discrepancy a sample shares. :data:`INTERRUPTED`: rests of
+        one level, between which only the reading moves: beside that level, a shared error, it is the least.
     correlation_samples : float
         Integrated correlation time of the residual in motion.
     least : float
@@ -79,10 +81,12 @@ class Likelihood:
         count: Floats | None = None,
         least: float = 0.0,
         shared: Floats | None = None,
+        lasting: Floats | None = None,
     ) -> Likelihood:
         """Return the likelihood of a record cut into stretches, for a correlation time of the residual in motion.
 
-        ``count`` (n,) are the pieces of information per sample where the correlation time alone does not give them.
+        ``count`` (n,) are the pieces of information per sample where the correlation time alone does not give them;
+        ``lasting`` (n, k) are the levels that interrupted rests share.
         """
         kind = np.full(len(floor), MOTION, np.int8)
         for start, stop, at_rest, opening in zip(
@@ -90,6 +94,8 @@ class Likelihood:
         ):
             kind[start:stop] = OPENING if opening else REST if at_rest else MOTION
         shared = np.zeros((len(floor), 0)) if shared is None else shared
+        if lasting is not None:
+            shared, kind[lasting.any(axis=1)] = np.hstack([shared, lasting]), INTERRUPTED
         count = stretches.counts(correlation_samples) if count is None else count
         return cls(count, floor, kind, correlation_samples, least, shared)
 
@@ -136,7 +142,7 @@ class Likelihood:
         return float(np.sqrt(float(self.count @ residual**2) / noise))
 
     def discrepancy(self, residual: Floats) -> Floats:
-        """Return the discrepancy's most probable sizes (3,): in motion, at rest, and in opening blocks."""
+        """Return the discrepancy's most probable sizes (4,): in motion, at rest, in opening blocks, and the least."""
         return self._discrepancy(self.left(residual))
 
     def _variance(self, left: Floats) -> Floats:
@@ -149,8 +155,8 @@ class Likelihood:
         return [(kind, rows, self.floor[rows] ** 2 + 1e-30, self.count[rows]) for kind, rows in each if rows.any()]
 
     def _discrepancy(self, left: Floats) -> Floats:
-        """Return the sizes (3,) for a residual without its shared errors."""
-        sizes = np.zeros(3)
+        """Return the sizes (4,) for a residual without its shared errors."""
+        sizes = np.zeros(4)
         with np.errstate(over="ignore"):
             square = left**2
         for kind, rows, floor, count in self._kinds:
@@ -179,7 +185,7 @@ class Likelihood:
         errors = weight.errors(residual)
         left = residual - self.shared @ errors
         gain = max(0.0, float(errors @ errors) - len(errors))
-        for kind in (MOTION, REST, OPENING):
+        for kind in (MOTION, REST, OPENING, INTERRUPTED):
             rows = (self.kind == kind) & (self.count > 0.0)
             count, each = self.count[rows], weight.each[rows]
             least = self.floor[rows] ** 2 + self.least**2 + 1e-30
