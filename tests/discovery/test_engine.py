@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -177,6 +178,26 @@ def test_correlation_time_is_that_of_what_samples_say() -> None:
     assert np.mean(raw) < 1.3
     # The rest of the variance is white, the other samples' correlation is that of the process.
     assert np.mean(said) == pytest.approx(1.0 + 5.0 * (14.0 / 15.0) ** 2, rel=0.15)
+
+
+def test_a_step_between_rests_of_one_level_is_no_error_of_the_inputs() -> None:
+    # Motion, a rest, a few rows of seeming motion, a rest; the inputs' noise is that of where it came to rest.
+    n = 60
+    rest, block = np.arange(n) >= 20, np.zeros(n, np.int64)
+    rest[38:42] = False
+    record = SimpleNamespace(valid=np.ones(n, bool), rest=rest, block=block, share=np.ones(n), opening_blocks=())
+    stretches = Stretches.of(record)
+    inputs = np.where(np.arange(n) < 20, np.linspace(0.05, 0.38, n), 0.4)
+    level, step = np.where(rest, 0.5, 0.0), np.where(np.arange(n) > 40, 0.8, 0.0)
+
+    def log(residual: np.ndarray) -> float:
+        noise, lasting = stretches.lasting(inputs, block, residual)
+        likelihood = Likelihood.of(stretches, np.hypot(0.02, noise), 1.0, least=0.1, lasting=lasting)
+        return likelihood.log(residual)
+
+    # An error of the level is no surprise; the step is one of 0.8 over √2 times the least discrepancy.
+    assert log(np.zeros(n)) - log(level) < 2.0
+    assert log(level) - log(level + step) > 0.3 * (0.8 / 0.1) ** 2 / 2.0
 
 
 @pytest.mark.parametrize("part", [0.0, 0.3, 1.0])

@@ -54,8 +54,8 @@ class Likelihood:
     floor : (n,) float64
         Standard deviation of the inputs' noise in a sample alone.
     kind : (n,) int8
-        :data:`MOTION`, :data:`REST` or :data:`OPENING`: which discrepancy a sample shares. :data:`INTERRUPTED`: rests of
-        one level, between which only the reading moves: beside that level, a shared error, it is the least.
+        :data:`MOTION`, :data:`REST` or :data:`OPENING`: which discrepancy a sample shares. It is the least for rests
+        that are :data:`INTERRUPTED`: they have one level, a shared error, and only the reading moves between them.
     correlation_samples : float
         Integrated correlation time of the residual in motion.
     least : float

@@ -15,7 +15,6 @@ import numpy as np
 
 from torsight.core.law import Law
 from torsight.core.progress import Progress
-from torsight.core.series import rms
 from torsight.core.units import Floats
 from torsight.discovery.inference.explanation import (
     Explanation,
@@ -255,8 +254,7 @@ class SetFits:
     def _likelihood_at(self, problem: Problem, values: Mapping[str, float], effects: EffectSet) -> Likelihood:
         """Return the likelihood with the inputs' noise at given values, and with the current correlation time."""
         left = residual_of(problem, problem.predict(values, effects))
-        level = rms(left[problem.rest & problem.valid])
-        noise, lasting = self.stretches.lasting(problem.input_noise(values, effects), problem.block, level=level)
+        noise, lasting = self.stretches.lasting(problem.input_noise(values, effects), problem.block, left)
         floor, shared = np.hypot(self._reading, noise), problem.shared_errors(values, effects)
         more = {"count": self._count, "shared": shared, "lasting": lasting}
         return Likelihood.of(self.stretches, floor, self._correlation_samples, least=self._problem.resolution, **more)
