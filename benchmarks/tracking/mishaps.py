@@ -3,8 +3,8 @@
 Run: python benchmarks/tracking/mishaps.py [--only WORD] [--frames 150]
 
 Columns: share of the frames with an angle; rms error, degrees; errors over their sigmas (rms); whether what is told is
-right, or what should be; what is told: the commonest cause of frames without an angle, and further warnings and advice
-by the names in ``WORDS``. Films that are to be told of have the names that should be, and with a minus sign those that
+right, or what should be; what is told: the commonest cause of frames without an angle, where it is told, and further
+warnings and advice by the names in ``WORDS``. Films that are to be told of have the names that should be, and with a minus sign those that
 must not be; films without any are measured alone.
 """
 
@@ -128,8 +128,9 @@ def run(made: Made, folder: Path) -> Outcome:
     if valid.any():
         first = error[valid][0]
         error -= np.nanmedian(error) if made.floating else 360.0 * np.round(first / 360.0)
-    told = list(content["frames"]["causes"])[:1]
-    told += [name for name, words in WORDS.items() if name not in told and words in " ".join(content["advice"])]
+    advice = " ".join(content["advice"])
+    told = list(content["frames"]["causes"])[: "frames have no angle" in advice]
+    told += [name for name, words in WORDS.items() if name not in told and words in advice]
     return Outcome(valid, error, angle["angle_sigma_deg"].to_numpy(), told)
 
 
