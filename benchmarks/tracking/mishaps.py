@@ -4,8 +4,8 @@ Run: python benchmarks/tracking/mishaps.py [--only WORD] [--frames 150]
 
 Columns: share of the frames with an angle; rms error, degrees; errors over their sigmas (rms); whether what is told is
 right, or what should be; what is told: the commonest cause of frames without an angle, where it is told, and further
-warnings and advice by the names in ``WORDS``. Films that are to be told of have the names that should be, and with a minus sign those that
-must not be; films without any are measured alone.
+warnings and advice by the names in ``WORDS``. Films that are to be told of have the names that should be, and with a
+minus sign those that must not be; films without any are measured alone.
 """
 
 from __future__ import annotations
