@@ -224,9 +224,9 @@ def _once(turn: complex, shift: complex, at_s: float = 2.0) -> dict[str, Any]:
     return {"carried": lambda t: (np.where(t >= at_s, turn, 1.0 + 0j), np.where(t >= at_s, shift, 0j))}
 
 
-def _eased(turn: complex, shift: complex) -> dict[str, Any]:
+def _eased(turn: complex, shift: complex, in_s: float = 1.2) -> dict[str, Any]:
     def carried(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        share = np.clip((t - 1.5) / 1.2, 0.0, 1.0)
+        share = np.clip((t - 1.5) / in_s, 0.0, 1.0)
         share = share**2 * (3.0 - 2.0 * share)
         return np.exp(np.log(turn) * share), shift * share
 
@@ -240,6 +240,13 @@ def _carried(one: Film) -> Drawn:
     yield "camera carried: 5°, 15 px", replace(slow, **_eased(small, 12.0 - 9.0j)), "bump -hand"
     yield "camera carried: 34°, 60 px, 0.9", replace(slow, **_eased(0.9 * large, 48.0 - 36.0j)), "bump -hand"
     yield "camera carried: 0.8 of the size", replace(slow, **_eased(0.8 + 0j, 10j)), "bump -hand"
+    yield "camera carried in 0.4 s: 34°, 60 px", replace(slow, **_eased(large, 48.0 - 36.0j, 0.4)), "bump -hand"
+    yield "camera carried in 0.4 s: 80 px", replace(slow, **_eased(1.0 + 0j, 70.0 - 40.0j, 0.4)), "bump -hand"
+    yield (
+        "camera carried in 2.5 s: 90°, tilted",
+        replace(slow, tilt_deg=12.0, **_eased(1j, 20.0 + 0j, 2.5)),
+        "bump -hand",
+    )
     yield "camera carried, fast stick: 34°", replace(one, **_eased(0.9 * large, 20.0 - 30.0j)), "bump -hand"
     yield "camera put elsewhere: 5°, 25 px", replace(slow, **_once(small, 20.0 - 15.0j)), "bump -hand"
     yield "camera put elsewhere: 34°, 64 px", replace(slow, **_once(large, 40.0 - 50.0j)), "bump -hand"
@@ -332,6 +339,21 @@ def _starts(one: Film) -> Drawn:
         "-late",
     )
     tails = [(0, -26.0, 0.0), (1, -24.0, 0.0)]
+    start = lambda t: 60.0 + 200.0 * np.maximum(t - 1.6, 0.0)  # noqa: E731
+    for target in (0, 1):
+        hidden = replace(found, angle_deg=start, exposure=0.8, covers=[Cover(0.1, 1.5, target, 24.0, 128.0)])
+        yield f"found, base dot {target} hidden from 0.1 s on", hidden, "-rivals"
+        both = {"screws": [(0, -26.0, 0.0), (1, -24.0, 0.0)]}
+        yield f"the same, screws on the tails, {target}", replace(hidden, **both), "-rivals"
+        line = replace(hidden, angle_deg=lambda t: 180.0 + 200.0 * np.maximum(t - 1.6, 0.0))
+        yield f"the same, in one line, {target}", line, "-rivals"
+    over = replace(found, angle_deg=lambda t: 60.0 * np.maximum(t - 0.8, 0.0))
+    yield "found, over the base at first", over, "-rivals"
+    sides = [(0, -58.0, 0.0), (1, -52.0, 0.0)]
+    yield "found, dots on both sides of the axis", replace(found, screws=sides), "-rivals"
+    yield "the same, half a turn", replace(found, screws=sides, angle_deg=swing(160.0, 130.0, 5.0)), "-rivals"
+    yield "found, the axis between the base's dots", replace(found, base_px=(-70.0, 150.0)), "-rivals"
+    yield "found, the axis between the moving stick's", replace(found, moving_px=(-70.0, 138.0)), "-rivals"
     paper = {name: getattr(found, name) for name in ("name", "frames", "seed", "camera", "given")}
     for count in (20, 50):
         yield f"found, dots, {count} letters around", LettersAndDots(angle_deg=SLOW, letters=count, **paper), "-rivals"
@@ -420,6 +442,10 @@ def _flat(frames: int) -> Iterator[Made]:
         yield Made(
             f"tags, 30 px per frame, exposed {exposure:g}", FlatFilm(*_tags(), exposure=exposure, **fast), "", TAGS
         )
+    for spot in (5, 9):
+        yield _textured(
+            f"texture, spots of {spot} px on blank sticks, uneven light", spot=spot, light=1.2, **slow, **half
+        )
     past = {"angle_deg": lambda t: 45.0 - 36.0 * t}
     yield _textured("texture, slowly past the base", **past, **half)
     yield _textured(
@@ -478,12 +504,17 @@ def _inked(wander: float) -> list[list[Sprite]]:
     return inked
 
 
-def _textured(name: str, *, high: int = 110, kind: type[FlatFilm] = FlatFilm, **how: Any) -> Made:
+def _textured(name: str, *, high: int = 110, spot: int = 0, kind: type[FlatFilm] = FlatFilm, **how: Any) -> Made:
     """Return a film of two textured sticks, with points on them."""
     sticks = [
         [Sprite(texture_picture(np.random.default_rng(seed), high, 500), along_mm=100.0, width_mm=170.0)]
         for seed in (1, 2)
     ]
+    if spot:
+        blank = np.full((high, 500), 150.0, np.float32)
+        for column in (132, 397):
+            cv2.ellipse(blank, (column, high // 2), (3 * spot, 2 * spot), 30.0, 0.0, 360.0, 50.0, -1)
+        sticks = [[replace(stick[0], picture=blank)] for stick in sticks]
     film = kind(*sticks, **how)
     places = [
         [film.on_stick(stick, float(film.truth_deg[0]), along).tolist() for along in (60.0, 150.0)] for stick in (0, 1)
