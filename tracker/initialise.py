@@ -266,7 +266,7 @@ class _Dots:
 
     def _take(self, index: int, luma: NDArray[np.uint8], weighed: Sequence[Couple], read: float) -> bool:
         """Take the first couple of a picture if it is the best so far; return whether no other one is needed."""
-        if not weighed or not are_markers((weighed[0].base, weighed[0].moving)) or self._refuted(index, weighed[0]):
+        if not weighed or not are_markers((weighed[0].base, weighed[0].moving)):
             return False
         score, choice = min(weighed[0].base.score, weighed[0].moving.score), Choice.of(weighed)
         if score > CLEAR:
@@ -282,13 +282,6 @@ class _Dots:
         self.in_tags = all(_in_tag(luma, marker) for marker in markers)
         # A couple that is certain remains so where light, focus or a hand hides it afterwards.
         return score > CLEAR and read > 0.0 and (weighed[0].probability > SURE or 2.0 * self._read >= 1.0)
-
-    def _refuted(self, index: int, couple: Couple) -> bool:
-        """Return whether a dot of a couple's moving stick is one of the base that an earlier picture is certain of."""
-        earlier = [search.found[:1] for start, search in self._asked if start < index]
-        return any(
-            best.probability > SURE and couple.moving.shared_dots(best.base) for (best,) in filter(None, earlier)
-        )
 
 
 class _Tracked:

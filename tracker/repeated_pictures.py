@@ -20,7 +20,7 @@ from torsight.core.series import bridged, runs
 from torsight.core.units import Flags, Floats
 from tracker.innovation import SIGMAS
 
-_MOST: Final = 3
+MOST: Final = 3
 """Most repeats of one picture: cameras fall to 7.5 pictures a second in low light, of the usual 30. A stick that rests
 for longer between two steps is taken to rest."""
 
@@ -41,7 +41,7 @@ def repeats(position_px: Floats, sigma_px: Floats) -> Flags:
     count = [0, 0]
     for kind, frames in enumerate((stands & known, slow & known & ~stands)):
         for first, end in runs(frames):
-            if end - first > _MOST:
+            if end - first > MOST:
                 continue
             before, after = moves[first - 1] & (first > 0), moves[end % len(step)] & (end < len(step))
             ahead = before & after & (np.sum(step[first - 1] * step[end % len(step)], axis=-1) > 0.0)

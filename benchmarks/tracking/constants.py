@@ -35,7 +35,7 @@ CONSTANTS = {
     "appearance/lucas_kanade": ("SHARP_PX",),
     "appearance/motion_blur": ("CLEAR", "_SLACK_UNKNOWN", "_SLACK_KNOWN"),
     "follow/camera_state": ("SHAKE_PX", "TURN_RAD", "OFF_CIRCLE"),
-    "follow/judgement": ("SURE_RAD", "_LENGTH", "CLOSE", "NEAR"),
+    "follow/judgement": ("_LENGTH", "CLOSE", "NEAR"),
     "follow/learning": ("RATE", "_CHANGE_PX"),
     "follow/motion_model": ("STALE", "JUMP", "_GROWTH"),
     "follow/reading": ("_DEVIATIONS", "_NEVER"),

@@ -39,6 +39,29 @@ class Cover:
 
 
 @dataclass(frozen=True)
+class Hand:
+    """A hand with its forearm that comes from a point beyond a border within ``in_s``, stays, and goes back."""
+
+    start_s: float
+    end_s: float
+    to_px: tuple[float, float]
+    from_px: tuple[float, float]
+    in_s: float = 0.4
+    palm_px: float = 62.0
+    level: float = 165.0
+    tremor_px: float = 1.5
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """A lamp's reflection at a place of the picture from an instant on; it saturates what is nearer than its radius."""
+
+    at_px: tuple[float, float]
+    radius_px: float
+    start_s: float = 1.0
+
+
+@dataclass(frozen=True)
 class Film:
     """A rig, how it moves and how it is filmed; lengths in px of the picture at the axis, seen straight from above."""
 
@@ -78,7 +101,17 @@ class Film:
     dark_s: tuple[float, float] | None = None
     drop: float = 0.0
     jitter: float = 0.0
-    covers: list[Cover] = field(default_factory=list)
+    covers: list[Cover | Hand] = field(default_factory=list)
+    lamps: list[Lamp] = field(default_factory=list)
+    screws: list[tuple[int, float, float]] = field(default_factory=list)
+    """Stick, place along and across it, of further dots."""
+    clicked: dict[int, int] = field(default_factory=dict)
+    """Screws that are given in place of markers."""
+    overhang: float = 2.2
+    carried: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
+    """By what the picture is turned and scaled about its middle, and shifted: complex numbers at instants."""
+    shown: Callable[[np.ndarray], np.ndarray] | None = None
+    """Instants at which the pictures were taken that the frames show."""
     crf: int | None = 18
     turn_camera_deg: float = 0.0
     offset_mm: tuple[float, float] = (0.0, 0.0)
@@ -136,32 +169,44 @@ class Film:
 
     def centres_mm(self, angle_deg: float) -> np.ndarray:
         """World positions (4, 3) of the markers."""
-        points = []
-        for radii, turn, z in ((self.base_px, 0.0, 0.0), (self.moving_px, angle_deg, self.moving_z)):
-            a = np.deg2rad(self.base_deg + turn)
-            points += [[radius * np.cos(a), radius * np.sin(a), z] for radius in radii]
-        return np.array(points)
+        return np.concatenate(
+            [self._on_stick(stick, [(r, 0.0) for r in self._radii(stick)], angle_deg) for stick in (0, 1)]
+        )
 
-    def shifts_px(self) -> np.ndarray:
-        """By how much the picture moves in each frame."""
+    def _radii(self, stick: int) -> tuple[float, float]:
+        return (self.base_px, self.moving_px)[stick]
+
+    def _on_stick(self, stick: int, places: list[tuple[float, float]], angle_deg: float) -> np.ndarray:
+        """World positions (n, 3) of places along and across a stick."""
+        turn = np.exp(1j * np.deg2rad(self.base_deg + stick * angle_deg))
+        at = np.array([complex(*place) for place in places]) * turn
+        return np.column_stack([at.real, at.imag, np.full(len(at), stick * self.moving_z)])
+
+    def motions(self) -> np.ndarray:
+        """Return the affine maps (n, 2, 3) by which the picture moves in each frame."""
         rng = np.random.default_rng([self.seed, 4])
         times = self.times_s
         shift = rng.normal(0.0, 1.0, (len(times), 2)) * self.shake_px
         if self.bump_px is not None:
             shift[times >= self.bump_px[0]] += self.bump_px[1:]
-        return shift
+        turn, off = np.ones(len(times), complex), shift[:, 0] + 1j * shift[:, 1]
+        if self.carried is not None:
+            turn, moved = self.carried(times)
+            off = off + moved + (1.0 - turn) * complex(*self.middle)
+        return np.stack([[turn.real, -turn.imag, off.real], [turn.imag, turn.real, off.imag]]).transpose(2, 0, 1)
 
     def markers_px(self) -> np.ndarray:
         """Return where the markers are seen (n, 4, 2)."""
-        shift = self.shifts_px()[:, None, :]
+        motions = self.motions()
         when = np.repeat(self.times_s[:, None], 4, axis=1)
         # A rolling shutter sees each marker at the instant of the row at which it then is.
         for _ in range(5 if self.row_s else 1):
             seen = np.array(
                 [[self.project(self.centres_mm(a))[k] for k, a in enumerate(self.angle_deg(t))] for t in when]
             )
-            when = self.times_s[:, None] + (seen + shift)[..., self.read_along] * self.row_s
-        return seen + shift
+            seen = np.einsum("nij,nkj->nki", motions[..., :2], seen) + motions[:, None, :, 2]
+            when = self.times_s[:, None] + seen[..., self.read_along] * self.row_s
+        return seen
 
     def camera_toml(self) -> str:
         """Return the camera file."""
@@ -192,7 +237,11 @@ class Film:
     def markers_toml(self) -> str:
         """Return where a person would click."""
         rng = np.random.default_rng([self.seed, 5])
-        places = np.round(self.markers_px()[0] + rng.uniform(-1.5, 1.5, (4, 2)), 1).tolist()
+        at = self.markers_px()[0]
+        for marker, screw in self.clicked.items():
+            stick, *place = self.screws[screw]
+            at[marker] = self.project(self._on_stick(stick, [tuple(place)], float(self.angle_deg(np.zeros(1))[0])))[0]
+        places = np.round(at + rng.uniform(-1.5, 1.5, (4, 2)), 1).tolist()
         return f"base = {places[:2]}\nmoving = {places[2:]}\n"
 
     # --- pictures -------------------------------------------------------------------------------------------------
@@ -205,39 +254,54 @@ class Film:
         y, x = np.mgrid[:height, :width]
         light = 1.0 + self.uneven * (0.9 * x / width - 0.7 * y / height - 0.1)
         held: np.ndarray | None = None
-        for time_s, shift in zip(self.times_s, self.shifts_px(), strict=True):
-            ox, oy = np.round(shift).astype(int)
-            picture = ground[40 - oy : 40 - oy + height, 40 - ox : 40 - ox + width].astype(np.float32)
-            if self.row_s:
-                for at in range(0, self.size[self.read_along], _ROWS):
-                    part = picture[:, at : at + _ROWS] if self.read_along == 0 else picture[at : at + _ROWS]
-                    before = np.array([at, 0.0] if self.read_along == 0 else [0.0, at])
-                    part[:] = self._exposed(part, time_s + (at + 0.5 * (_ROWS - 1)) * self.row_s, shift - before)
-            else:
-                picture = self._exposed(picture, float(time_s), shift)
-            for cover in self.covers:
-                if cover.start_s <= time_s < cover.end_s:
-                    self._cover(picture, cover, float(time_s), shift)
-            if self.blur_px > 0:
-                picture = cv2.GaussianBlur(picture, (0, 0), self.blur_px)
+        taken_s = self.times_s if self.shown is None else self.shown(self.times_s)
+        seen = np.zeros((height, width), np.uint8)
+        for number, (time_s, by) in enumerate(zip(taken_s, self.motions(), strict=True)):
+            if number and time_s == taken_s[number - 1]:
+                yield seen
+                continue
             gain = 1.0 + self.flicker * np.sin(2.0 * np.pi * 8.7 * time_s)
             if self.dark_s is not None and self.dark_s[0] <= time_s < self.dark_s[1]:
                 gain = 0.01
-            picture = picture * light * gain + rng.normal(0.0, self.noise, picture.shape)
+            picture = self._lit(ground, float(time_s), by) * light * gain + rng.normal(0.0, self.noise, light.shape)
             if self.averaged_grey:
                 held = picture if held is None else held + self._taken(picture - held) * (picture - held)
                 picture = held
-            yield np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+            for lamp in self.lamps:
+                near = np.hypot(x - lamp.at_px[0], y - lamp.at_px[1]) - lamp.radius_px
+                picture = picture + 400.0 * (time_s >= lamp.start_s) / (1.0 + np.exp(np.clip(near / 3.0, -50.0, 50.0)))
+            seen = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+            yield seen
+
+    def _lit(self, ground: np.ndarray, time_s: float, by: np.ndarray) -> np.ndarray:
+        """Draw what the lens shows of a scene in even light."""
+        place = np.column_stack([by[:, :2], by[:, 2] - by[:, :2] @ [40.0, 40.0]])
+        how = {"flags": cv2.INTER_CUBIC, "borderMode": cv2.BORDER_REFLECT}
+        picture = cv2.warpAffine(ground.astype(np.float32), place, self.size, **how)
+        if self.row_s:
+            for at in range(0, self.size[self.read_along], _ROWS):
+                part = picture[:, at : at + _ROWS] if self.read_along == 0 else picture[at : at + _ROWS]
+                before = np.array([at, 0.0] if self.read_along == 0 else [0.0, at])
+                part[:] = self._exposed(part, time_s + (at + 0.5 * (_ROWS - 1)) * self.row_s, _moved(by, -before))
+        else:
+            picture = self._exposed(picture, time_s, by)
+        for cover in self.covers:
+            if cover.start_s <= time_s < cover.end_s:
+                if isinstance(cover, Hand):
+                    _reach(picture, cover, time_s)
+                else:
+                    self._cover(picture, cover, time_s, by)
+        return cv2.GaussianBlur(picture, (0, 0), self.blur_px) if self.blur_px > 0 else picture
 
     def _taken(self, change: np.ndarray) -> np.ndarray:
         """Return the share of a change that a camera lets through which averages frames where they change little."""
         return np.clip(0.3 + 0.7 * np.abs(cv2.blur(change, (3, 3))) / self.averaged_grey, 0.3, 1.0)
 
-    def _exposed(self, picture: np.ndarray, time_s: float, shift: np.ndarray) -> np.ndarray:
+    def _exposed(self, picture: np.ndarray, time_s: float, by: np.ndarray) -> np.ndarray:
         instants = self._instants(time_s)
         if len(instants) == 1:
-            return self._draw(picture, instants[0], shift)
-        return np.mean([self._draw(picture.copy(), t, shift) for t in instants], axis=0)
+            return self._draw(picture, instants[0], by)
+        return np.mean([self._draw(picture.copy(), t, by) for t in instants], axis=0)
 
     def _instants(self, time_s: float) -> np.ndarray:
         if self.exposure <= 0.0:
@@ -248,29 +312,32 @@ class Film:
         count = int(np.clip(np.ceil(2.0 * path), 1, 40))
         return time_s + ((np.arange(count) + 0.5) / count - 0.5) * 2.0 * half
 
-    def _draw(self, picture: np.ndarray, time_s: float, shift: np.ndarray) -> np.ndarray:
+    def _draw(self, picture: np.ndarray, time_s: float, by: np.ndarray) -> np.ndarray:
         angle = float(self.angle_deg(np.array([time_s]))[0])
         sticks = [(self.base_px, 0.0, 0.0, self.stick), (self.moving_px, angle, self.moving_z, 0.96 * self.stick)]
         for radii, turn, z, level in sticks[::-1] if self.base_on_top else sticks:
             a = np.deg2rad(self.base_deg + turn)
             along, across = np.array([np.cos(a), np.sin(a)]), np.array([-np.sin(a), np.cos(a)])
-            tail, end = -0.2 * radii[1], radii[1] + 2.2 * self.half_px
+            tail, end = -0.2 * radii[1], radii[1] + self.overhang * self.half_px
             steps = np.linspace(0.0, 1.0, 12)
             sides = [(tail + (end - tail) * steps, -self.half_px), (end + (tail - end) * steps, self.half_px)]
             outline = np.concatenate([np.outer(s, along) + side * across for s, side in sides])
-            self._fill(picture, outline, z, level, shift)
+            self._fill(picture, outline, z, level, by)
             for radius in radii:
-                self._fill(picture, radius * along + self.radius_px * _CIRCLE, z, self.dot, shift)
-        self._fill(picture, 1.3 * self.half_px * _CIRCLE, self.moving_z, 0.8 * self.ground, shift)
+                self._fill(picture, radius * along + self.radius_px * _CIRCLE, z, self.dot, by)
+            own = [place for which, *place in self.screws if which == (z > 0.0)]
+            for far, aside in own:
+                self._fill(picture, far * along + aside * across + self.radius_px * _CIRCLE, z, self.dot, by)
+        self._fill(picture, 1.3 * self.half_px * _CIRCLE, self.moving_z, 0.8 * self.ground, by)
         return picture
 
-    def _fill(self, picture: np.ndarray, outline: np.ndarray, z: float, level: float, shift: np.ndarray) -> None:
-        corners = self.project(np.column_stack([outline, np.full(len(outline), z)])) + shift
-        fill(picture, corners, np.float32(level))
+    def _fill(self, picture: np.ndarray, outline: np.ndarray, z: float, level: float, by: np.ndarray) -> None:
+        corners = self.project(np.column_stack([outline, np.full(len(outline), z)]))
+        fill(picture, corners @ by[:, :2].T + by[:, 2], np.float32(level))
 
-    def _cover(self, picture: np.ndarray, cover: Cover, time_s: float, shift: np.ndarray) -> None:
+    def _cover(self, picture: np.ndarray, cover: Cover, time_s: float, by: np.ndarray) -> None:
         when = time_s if cover.follows else cover.start_s
-        seen = self.project(self.centres_mm(float(self.angle_deg(np.array([when]))[0]))) + shift
+        seen = self.project(self.centres_mm(float(self.angle_deg(np.array([when]))[0]))) @ by[:, :2].T + by[:, 2]
         stick = seen[2:] if cover.target in ("moving", 2, 3) else seen[:2]
         u = (stick[1] - stick[0]) / np.hypot(*(stick[1] - stick[0]))
         v = np.array([-u[1], u[0]])
@@ -289,6 +356,25 @@ class Film:
 _TURN = np.arange(72) * np.pi / 36.0
 # A polygon of 72 corners has 0.13 % less area than its circle.
 _CIRCLE = np.column_stack([np.cos(_TURN), np.sin(_TURN)]) * 1.00064
+
+
+def _moved(by: np.ndarray, step: np.ndarray) -> np.ndarray:
+    return by + np.column_stack([np.zeros((2, 2)), step])
+
+
+def _reach(picture: np.ndarray, hand: Hand, time_s: float) -> None:
+    """Draw a hand: a forearm, a palm and four fingers."""
+    share = np.clip(min(time_s - hand.start_s, hand.end_s - time_s) / hand.in_s, 0.0, 1.0)
+    to, start, w = np.array(hand.to_px), np.array(hand.from_px), hand.palm_px
+    u = (to - start) / np.hypot(*(to - start))
+    v = np.array([-u[1], u[0]])
+    at = start + share * (to - start) + hand.tremor_px * np.array([np.sin(44.0 * time_s), np.sin(31.0 * time_s)])
+    bars = [(-900.0, 0.0, 0.0, 0.55 * w)] + [(0.0, 1.6 * w, side * w, 0.19 * w) for side in (-0.75, -0.25, 0.25, 0.75)]
+    for tail, tip, side, half in bars:
+        corners = [(tail, -half), (tip, -half), (tip, half), (tail, half)]
+        fill(picture, np.array([at + a * u + (side + b) * v for a, b in corners]), np.float32(hand.level))
+        fill(picture, at + tip * u + side * v + half * _CIRCLE, np.float32(hand.level))
+    fill(picture, at + w * _CIRCLE, np.float32(0.96 * hand.level))
 
 
 def _rotation(vector: np.ndarray) -> np.ndarray:

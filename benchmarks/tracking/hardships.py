@@ -273,7 +273,7 @@ def reference(film: Film, path: Path) -> np.ndarray:
         inner, outer = (film.plane_point(found[:, first + i], z) for i in (0, 1))
         directions.append(np.rad2deg(np.arctan2(*(outer - inner).T[::-1])))
     base = directions[0]
-    if film.shake_px == 0.0 and film.bump_px is None:
+    if film.shake_px == 0.0 and film.bump_px is None and film.carried is None:
         base = np.full_like(base, film.base_deg + np.nanmean((base - film.base_deg + 180.0) % 360.0 - 180.0))
     return (directions[1] - base - angles + 180.0) % 360.0 - 180.0
 

@@ -6,7 +6,7 @@ Columns: frames with an angle, share of the frames; rms error, degrees (of real 
 picture against the centroids of its dots: nobody knows how the camera stood; of these and of texture, whose zero are
 points of one noisy frame, less the usual difference); errors over their sigmas (rms); cost of following a frame, ms of
 CPU and over that of decoding its luma. The drawn films are VGA in H.264 at CRF 18 unless their names say otherwise, by
-the tests' renderers;
+the tests' renderers; those of ``mishaps.py`` have columns of their own, among them what is told of the mishap;
 FOLDER, by default real_films in TORSIGHT_SHARED_DATA, holds disc_on_pivot.mp4 and rolling_cylinder.mp4.
 """
 
@@ -29,6 +29,7 @@ ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "tracker")]
 
 import hardships  # noqa: E402
+import mishaps  # noqa: E402
 from flat_films import FlatFilm, Hand, Sprite, tag, texture_picture  # noqa: E402
 
 from torsight.core.parallel.threads import one_thread  # noqa: E402
@@ -66,6 +67,10 @@ def main() -> None:
             if options.only in title:
                 path = film.write(Path(name) / "film.mp4", codec="libx264", crf=18)
                 row(title, path, hints, film.truth_deg, floating=False)
+        print(mishaps.HEAD)
+        for made in mishaps.films(5, options.frames):
+            if options.only in made.name:
+                print(mishaps.line(made, mishaps.run(made, Path(name))), flush=True)
     for title, path, hints, truth_deg in real(options.real) if options.real else ():
         if options.only in title:
             row(title, path, hints, truth_deg(path), floating=True)

@@ -69,7 +69,7 @@ def views_of(tracks: MarkerTracks) -> list[View]:
     # Second differences show the noise of single frames, whether the camera is carried or not.
     noise = robust_sigma(np.diff(turn_rad, 2)) / math.sqrt(6.0)
     limit = max(_CARRIED_RAD, BY_CHANCE * noise * math.sqrt(2.0 / SIDE))
-    edges = list[int]()
+    edges, whole = list[int](), np.array([-1, *known, count])
     for begin, end in runs(np.abs(steps) > limit):
         # The views reach as far as the base is as in their own frames beside the step.
         stop = end + 2 * SIDE - 1
@@ -77,7 +77,8 @@ def views_of(tracks: MarkerTracks) -> list[View]:
             begin + np.flatnonzero(np.abs(turn_rad[begin:stop] - turn_rad[at : at + SIDE].mean()) > limit)
             for at in (begin, stop - SIDE)
         )
-        edges += [known[before[0]], known[after[-1]] + 1]
+        # Frames between them without the base are those in which it goes.
+        edges += [whole[before[0]] + 1, whole[after[-1] + 2]]
     edges = [*np.maximum.accumulate(edges).tolist(), count]
     found, first = list[View](), 0
     for number, end in enumerate(edges):
@@ -105,7 +106,7 @@ def in_one_plane(views: list[View], planes: list[list[Points]]) -> list[Points]:
     first = next(base for base in usual if np.isfinite(base).all())
     found = []
     for view, plane, base, middle in zip(views, planes, bases, usual, strict=True):
-        own = np.where(np.isfinite(base) & view.carried, base, middle)
+        own = base if view.carried else np.broadcast_to(middle, base.shape)
         # NaN where the base is not seen.
         with np.errstate(invalid="ignore"):
             turn = complex(*first) / (own[:, 0] + 1j * own[:, 1])

@@ -35,9 +35,6 @@ from tracker.follow.state import Scene
 from tracker.innovation import SIGMAS, passes
 from tracker.rows import HIDDEN, LOST, SEEN, SHADOWED
 
-SURE_RAD: Final = math.radians(0.13)
-"""Standard deviation of the base's direction from frame to frame while the moving stick, which may lie over the base,
-is not seen."""
 _LENGTH_PX: Final = 0.8
 _LENGTH: Final = 0.01
 """Three standard deviations of the distance of a stick's markers: in px, by the noise of both; and relative, by the
@@ -130,15 +127,6 @@ def rigid_misfit(own: Record, shift: Floats, a: Point, b: Point, lost: int, expe
 
 
 @shared
-def sure_misfit(base: Record, a: Point, b: Point) -> float:
-    """Return the base's turn since the moving stick was last seen elsewhere, in standard deviations.
-
-    A moving stick that is not seen may lie anywhere, even over the base; ``base`` is a STICK.
-    """
-    return turned(math.atan2(b[1] - a[1], b[0] - a[0]), base.start_rad) / SURE_RAD
-
-
-@shared
 def further(off_px: float, other_px: float) -> bool:
     """Return whether one marker is clearly further from its prediction than the other of its stick."""
     return off_px > 2.0 * other_px + 0.5
@@ -157,8 +145,6 @@ def judge_pair(scene: Scene, stick: int) -> None:
     lost = scene.markers[i].lost + scene.markers[j].lost
     expected_px = math.hypot(q[0] - p[0], q[1] - p[1])
     found, freedom = rigid_misfit(scene.sticks[stick], rig.shift_now, a, b, lost, expected_px)
-    if is_base(rig, stick) and rig.anchored:
-        found, freedom = found + sure_misfit(scene.sticks[stick], a, b) ** 2, freedom + 1
     if passes(found, freedom):
         return
     off_a, off_b = math.hypot(a[0] - p[0], a[1] - p[1]), math.hypot(b[0] - q[0], b[1] - q[1])
@@ -202,8 +188,8 @@ def judge_base(scene: Scene) -> bool:
     """Judge the base; return whether it has to be searched for.
 
     While the moving stick is seen, the base's shift has to be consistent with the moving stick's circles. A moving
-    stick that is not seen may lie anywhere, even over the base: then the base has to keep its direction, and one dot
-    alone its position, from when the moving stick was last seen elsewhere.
+    stick that is not seen may lie anywhere, even over the base: then one dot of the base alone has to keep its position
+    from when the moving stick was last seen elsewhere.
     """
     rig, base = scene.rig[0], 1 - scene.rig[0].moving
     i, j, k = 2 * base, 2 * base + 1, 2 * rig.moving

@@ -34,7 +34,7 @@ from tracker.follow.camera_state import (
     turn_of,
 )
 from tracker.follow.frame_step import stick_at
-from tracker.follow.judgement import CLOSE, NEAR, UNSEEN_PX, covers, near_base, rigid_misfit, sure_misfit
+from tracker.follow.judgement import CLOSE, NEAR, UNSEEN_PX, covers, near_base, rigid_misfit
 from tracker.follow.motion_model import JUMP, by_other_px, is_base, jump_px
 from tracker.follow.reading import read_at, read_marker, share_of_step
 from tracker.follow.rotation_axis import arm_px
@@ -195,8 +195,6 @@ def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -
             misfit, freedom = (expected.turned_with(pair) if turned else expected).innovation(pair, lost=lost)
             if turned:
                 misfit, freedom = misfit + expected.size_misfit(pair) ** 2, freedom + 1
-            elif is_base(rig, stick) and not other_seen:
-                misfit, freedom = misfit + sure_misfit(scene.sticks[stick], *pair) ** 2, freedom + 1
             if passes(misfit, freedom) and not _of_other_stick(scene, stick, pair, jump=jump):
                 # Both markers look the same: with inner and outer one exchanged the pair has to be improbable.
                 exchanged, _ = expected.innovation(pair[::-1], lost=lost)

@@ -28,11 +28,8 @@ from tracker.patches.tag_stick import TagStick
 from tracker.patches.texture import TurnedSearch, texture_look, texture_patch
 from tracker.patches.texture_stick import TextureStick
 
-_WINDOWS_PX: Final = (8.0, 11.0, 15.0)
-"""Radii of the patch around a point without a dot."""
-_HOLDS: Final = 0.8
-"""Smallest share of the largest patch's structure that a smaller patch needs to be chosen. In texture all around it has
-a quarter or a half; around a spot on blank background the larger patch adds only shading, which does not turn."""
+_SMALLEST_PX, _LARGEST_PX = 8.0, 15.0
+"""Radii of the patch around a point without a dot: the largest for which there is room, at least the smallest."""
 _STRUCTURE_PX: Final = 2.0
 """Blur before the structure is computed: noise of two grey levels then has gradients of 0.1 levels per px."""
 _SLOPE: Final = 0.6
@@ -70,25 +67,26 @@ def _texture_stick(first: Frame, hints: MarkerHints, stick: int) -> TextureStick
     # A patch shows its own stick alone. The place of a tag is not known yet.
     one, two = ((x, y) for x, y in hints.position_px[2 - 2 * stick : 4 - 2 * stick].tolist())
     apart_px = [math.inf if math.isnan(one[0]) else to_strip(at, one, two, 0.0) for at in points]
-    width_px = 0.0 if math.isnan(one[0]) else nearest_edge(first.luma, one, two, window_px=_WINDOWS_PX[-1])
+    width_px = 0.0 if math.isnan(one[0]) else nearest_edge(first.luma, one, two, window_px=_LARGEST_PX)
     patches, windows = list[Patch](), list[float]()
     for index, (x, y), px in zip(indices, points, apart_px, strict=True):
         where = f"{hints.where}, {MARKERS[index].replace('_', ', ')} marker"
-        if px - width_px < _WINDOWS_PX[0] - 2.0:
+        if px - width_px < _SMALLEST_PX - 2.0:
             raise NoResultError(
                 "lies on the other stick, or too close to it",
                 where=where,
                 value=f"[{x:g}, {y:g}], {px:.0f} px from the line through the other stick's markers",
-                limit=f"{width_px + _WINDOWS_PX[0] - 2.0:.0f} px or more in the first frame",
+                limit=f"{width_px + _SMALLEST_PX - 2.0:.0f} px or more in the first frame",
                 do="choose a point further out, or start filming with the sticks apart",
             )
-        window = _window_px(first.luma, x, y, px - width_px)
-        if window < _WINDOWS_PX[0] - 2.0:
+        height, width = first.luma.shape
+        window = min(_LARGEST_PX, x - 2.0, y - 2.0, width - 3.0 - x, height - 3.0 - y, px - width_px)
+        if window < _SMALLEST_PX - 2.0:
             raise NoResultError(
                 "lies too close to the border of the picture",
                 where=where,
                 value=f"[{x:g}, {y:g}]",
-                limit=f"{_WINDOWS_PX[0]:g} px of room",
+                limit=f"{_SMALLEST_PX:g} px of room",
             )
         windows.append(window)
         patches.append(texture_patch(first.luma, x, y, window_px=window))
@@ -99,20 +97,6 @@ def _texture_stick(first: Frame, hints: MarkerHints, stick: int) -> TextureStick
     search = TurnedSearch((looks[0], looks[1]), window_px=window_px, offset_px=(x2 - x1, y2 - y1), still=stick == 0)
     half_px = nearest_edge(first.luma, *points, window_px=window_px)
     return TextureStick(patches, points, search, still=stick == 0, half_px=half_px)
-
-
-def _window_px(luma: NDArray[np.uint8], x: float, y: float, most_px: float) -> float:
-    """Return the radius of the patch around a point: the smallest that contains most of the structure.
-
-    It is at most ``most_px``.
-    """
-    height, width = luma.shape
-    room = min(x, y, width - 1 - x, height - 1 - y, most_px + 2.0) - 2.0
-    radii = [radius for radius in _WINDOWS_PX if radius <= room] or [room]
-    if room > radii[-1] and radii[-1] < _WINDOWS_PX[-1]:
-        radii.append(room)
-    held = [float(_structure(luma, x, y, radius)[0]) for radius in radii]
-    return next(radius for radius, part in zip(radii, held, strict=True) if part >= _HOLDS * held[-1])
 
 
 def _check_texture(luma: NDArray[np.uint8], x: float, y: float, window_px: float, *, where: str) -> None:

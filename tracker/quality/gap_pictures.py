@@ -1,14 +1,15 @@
 """Causes visible in the pictures of frames without an angle: interlacing, blur, too fast a stick, or none of these.
 
 The sticks' region of a picture is resampled over the angle about the axis. The difference from the median of all
-pictures examined shows the moving stick as a peak, as wide as the stick. From one frame to the next the peak moves by
-the stick's turn, and a long exposure widens it by a share of that turn. Neither happens under a hand.
+pictures examined shows the moving stick as a peak, as wide as the stick. From one frame to the next the peak
+moves by the stick's turn, and a long exposure widens it by a share of that turn. Neither happens under a hand.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+import itertools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import cv2
@@ -16,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.tracks import MarkerTracks, StickAngles
-from torsight.core.units import DEG, Floats, Ints
+from torsight.core.units import DEG, Flags, Floats, Ints
 from tracker.angle.axis_of_circles import axis_px
 from tracker.detect.moving_part import LOOKED_AT, MOVED_GREY, MOVED_PX, edges_in
 from tracker.detect.sticks import crossing_point
 from tracker.follow.motion_model import jump_px
 from tracker.innovation import SIGMAS
+from tracker.repeated_pictures import MOST
 
 Luma = NDArray[np.uint8]
 Pictures = Callable[[Iterable[int]], dict[int, Luma]]
@@ -35,8 +37,11 @@ FAST: Final = 2.0
 """Turn from one frame to the next, over the largest one that was followed, above which the stick is too fast."""
 LEAST_FAST_DEG: Final = 3.0
 JUMP: Final = 4.0
-"""Pixels that change at once over those that change before and afterwards where the picture jumps: a stick that turns
-twice as fast changes twice as many."""
+"""Change at once over that before and afterwards where the picture jumps: a stick that turns twice as fast changes
+twice as many pixels."""
+_OVER: Final = 0.6
+"""Share of the pixels that differ from before a gap, and also from after it, above which something lies over the
+sticks: nearly all of a hand's do; of a stick that is elsewhere at once half at most, those of its new place."""
 SMEARED: Final = 0.4
 """Motion blur, in radii of a dot, above which dots are no longer recognised in every frame."""
 ALIKE: Final = 0.5
@@ -84,18 +89,15 @@ def look_at_gaps(unknown: Ints, tracks: MarkerTracks, angles: StickAngles, pictu
 
     ``pictures`` returns pictures of frames by number.
     """
-    known = np.flatnonzero(angles.valid)
-    if not len(unknown) or not len(known):
+    held = _over_the_stroke(angles)
+    if not len(unknown) or not held:
         return []
     chosen = spread_over(unknown)
-    # Frames from all over the stroke: the moving stick vanishes in their median.
-    by_angle = known[np.argsort(angles.angle_rad[known])]
-    held = spread_over(by_angle)
-    found = pictures(sorted({*chosen.tolist(), *(chosen + 1).tolist(), *held.tolist()} & set(range(len(angles)))))
-    layout = _Layout.of(tracks, found)
-    reference = [found[index] for index in held.tolist() if index in found]
+    found = pictures(sorted({*chosen.tolist(), *(chosen + 1).tolist(), *held} & set(range(len(angles)))))
+    reference = [found[index] for index in held if index in found]
     if not reference:
         return []
+    layout = _Layout.of(tracks, [*found.values()], reference)
     edges = float(np.median([_steepness(picture) for picture in reference]))
     width_deg = float(np.median([layout.width_deg(picture) for picture in reference])) if layout else 0.0
     seen: list[Seen] = []
@@ -110,22 +112,49 @@ def look_at_gaps(unknown: Ints, tracks: MarkerTracks, angles: StickAngles, pictu
     return seen
 
 
-def jumps_at(frames: Iterable[int], pictures: Pictures) -> list[int]:
-    """Return those of some frames at which the picture jumps: it changes at once, and neither before nor afterwards.
+def jumps_at(
+    gaps: Mapping[int, tuple[int, int]], tracks: MarkerTracks, angles: StickAngles, pictures: Pictures
+) -> list[int]:
+    """Return those frames at which the picture jumps, of the first ones of gaps.
 
-    A part of the film is missing there, or the camera was moved meanwhile. A hand comes, and a stick moves, in more
-    than one frame.
+    Each gap has a frame well before it, and one well after it. At a jump the moving stick turns at once, or
+    many pixels change at once, and neither does before or afterwards for longer than pictures are repeated: a part of
+    the film is missing there, or the camera was moved meanwhile. A stick moves in more than one frame. A hand may come
+    within one, but neither of the two other frames shows it.
     """
-    around = {frame: range(frame - 2, frame + 2) for frame in frames}
-    shown = pictures(sorted({index for part in around.values() for index in part})) if around else {}
+    held = _over_the_stroke(angles)
+    around = {begin: range(max(begin - 2 - MOST, 0), begin + 2 + MOST) for begin in gaps}
+    wanted = {*held, *itertools.chain(*around.values(), *gaps.values())}
+    shown = pictures(sorted(wanted & set(range(len(angles)))))
+    reference = [shown[index] for index in held if index in shown]
+    layout = _Layout.of(tracks, reference, reference)
     found = []
-    for frame, part in around.items():
-        if all(index in shown for index in part):
-            before, now, after = (
-                int((cv2.absdiff(shown[index], shown[index - 1]) > MOVED_GREY).sum()) for index in part[1:]
-            )
-            found += [frame] if now > JUMP * max(before, after, MOVED_PX) else []
+    for begin, frames in around.items():
+        near = {index: (shown[index - 1], shown[index]) for index in frames[1:] if {index - 1, index} <= shown.keys()}
+        if begin not in near or not set(gaps[begin]) <= shown.keys():
+            continue
+        pixels = {index: float(_moved(*step).sum()) for index, step in near.items()}
+        new, left = (_moved(shown[begin], shown[index]) for index in gaps[begin])
+        over = (new & left).sum() > _OVER * new.sum()
+        turns_deg = {index: abs((layout and layout.step_deg(*step)) or 0.0) for index, step in near.items()}
+        if _is_alone(turns_deg, begin, LEAST_FAST_DEG) or (_is_alone(pixels, begin, MOVED_PX) and not over):
+            found.append(begin)
     return found
+
+
+def _is_alone(changes: Mapping[int, float], frame: int, least: float) -> bool:
+    """Return whether the change to a frame is large, and those to the other ones are not."""
+    return changes[frame] > JUMP * max([least, *(change for index, change in changes.items() if index != frame)])
+
+
+def _moved(one: Luma, other: Luma) -> Flags:
+    return np.asarray(cv2.absdiff(one, other) > MOVED_GREY)
+
+
+def _over_the_stroke(angles: StickAngles) -> list[int]:
+    """Return some frames from all over the stroke: the moving stick vanishes in the median of their pictures."""
+    known = np.flatnonzero(angles.valid)
+    return list(map(int, spread_over(known[np.argsort(angles.angle_rad[known])])))
 
 
 def spread_over(frames: Ints) -> Ints:
@@ -153,15 +182,20 @@ def _steepness(picture: Luma) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Layout:
-    """Polar resampling of the ring between the moving stick's markers, one column per degree, and its background."""
+    """Polar resampling of the ring between the moving stick's markers, one column per degree, and its background.
+
+    ``stick`` is the foreground's mean in pictures with an angle.
+    """
 
     x: NDArray[np.float32]
     y: NDArray[np.float32]
     ground: NDArray[np.float32]
     outer_px: float
+    stick: float = 0.0
 
     @classmethod
-    def of(cls, tracks: MarkerTracks, pictures: Mapping[int, Luma]) -> _Layout | None:
+    def of(cls, tracks: MarkerTracks, pictures: Sequence[Luma], reference: Sequence[Luma]) -> _Layout | None:
+        """Return the layout, its background the median of some pictures; ``reference`` are pictures with an angle."""
         centre = _centre(tracks)
         if centre is None or not pictures:
             return None
@@ -173,8 +207,9 @@ class _Layout:
         radius = np.linspace(inner, outer, 24)[:, None]
         x = (centre[0] + radius * np.cos(turn)).astype(np.float32)
         y = (centre[1] + radius * np.sin(turn)).astype(np.float32)
-        laid = [cv2.remap(picture, x, y, cv2.INTER_LINEAR) for picture in pictures.values()]
-        return cls(x, y, np.median(laid, axis=0).astype(np.float32), outer)
+        laid = [cv2.remap(picture, x, y, cv2.INTER_LINEAR) for picture in pictures]
+        own = cls(x, y, np.median(laid, axis=0).astype(np.float32), outer)
+        return replace(own, stick=float(np.median([own.profile(picture).mean() for picture in reference])))
 
     def profile(self, picture: Luma) -> Floats:
         laid = cv2.remap(picture, self.x, self.y, cv2.INTER_LINEAR)
@@ -187,8 +222,14 @@ class _Layout:
         return float(np.median(laid.max(axis=1) / np.maximum(slope, 1e-3)))
 
     def step_deg(self, one: Luma, other: Luma) -> float | None:
-        """Return the foreground's rotation from one picture to the other, degrees; None where they do not match."""
-        first, second = (values - values.mean() for values in (self.profile(one), self.profile(other)))
+        """Return the foreground's rotation from one picture to the other, degrees; None where they do not match.
+
+        It has to be as large as the stick is: a hand is larger, and little is left under one that is the background.
+        """
+        profiles = [self.profile(picture) for picture in (one, other)]
+        if not all(ALIKE * self.stick < values.mean() < self.stick / ALIKE for values in profiles):
+            return None
+        first, second = (values - values.mean() for values in profiles)
         total = float(np.sqrt(np.sum(first**2) * np.sum(second**2)))
         spectrum = np.conj(np.fft.rfft(first)) * np.fft.rfft(second)
         match = np.fft.irfft(spectrum, len(first)) / max(total, 1e-9)

@@ -156,21 +156,32 @@ def _jumped(
     or where the base lies elsewhere after them.
     """
     gaps = [(begin, end) for begin, end in runs(~angles.valid) if begin >= 2 and begin in unknown]
+    last = len(angles) - 1
+    base, sure = result.tracks.position_px[:, :2], np.append(angles.branch_certain, True)
+    if gaps and gaps[-1][1] > last and np.isfinite(base[gaps[-1][0]]).all():
+        # The camera has not moved, and the moving stick is not found again: it is covered.
+        gaps.pop()
     if len(unknown) <= _FELT * len(angles):
-        base, sure = result.tracks.position_px[:, :2], np.append(angles.branch_certain, True)
         radius_px = float(result.report["markers"]["radius_px"])
-        away = {
-            begin: np.hypot(*(base[min(end, len(base) - 1)] - base[begin - 1]).T).min() > radius_px
-            for begin, end in gaps
-        }
+        away = {begin: np.hypot(*(base[min(end, last)] - base[begin - 1]).T).min() > radius_px for begin, end in gaps}
         gaps = [(begin, end) for begin, end in gaps if away[begin] or sure[begin - 1] > sure[end]]
     if pictures is None or not gaps:
         return frozenset()
     ends = dict(sorted(gaps, key=lambda one: one[0] - one[1])[:LOOKED_AT])
-    jumps = jumps_at(ends, pictures)
+    jumps = jumps_at({begin: _beside(angles.valid, begin) for begin in ends}, result.tracks, angles, pictures)
     if jumps:
         figures["jump_s"] = float(angles.time_s[jumps[0]])
     return frozenset(index for begin in jumps for index in range(begin, ends[begin]))
+
+
+def _beside(known: Flags, begin: int) -> tuple[int, int]:
+    """Return the middles of the longest runs of ``known`` frames before and after a gap, or after it the last frame.
+
+    A hand may still be in the picture as the gap under it ends.
+    """
+    seen = [(end - first, (first + end) // 2) for first, end in runs(known)]
+    before, after = ([one for one in seen if (one[1] < begin) == sooner] for sooner in (True, False))
+    return max(before)[1], max(after, default=(0, len(known) - 1))[1]
 
 
 def _base_was_there(first: int, result: TrackResult, pictures: Pictures) -> bool:

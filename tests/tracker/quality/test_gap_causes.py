@@ -68,6 +68,14 @@ def absent(number: int, picture: np.ndarray) -> np.ndarray:
     return picture if number >= 20 else np.random.default_rng(number).normal(95.0, 8.0, picture.shape).astype(np.uint8)
 
 
+def reached_for(number: int, picture: np.ndarray) -> np.ndarray:
+    """Let a hand come from the right within a frame, rest over the moving stick, and go."""
+    if 12 <= number < 27:
+        x, y = RIG.marker_px(RIG.truth_deg)[19, 2:].mean(axis=0).round().astype(int).tolist()
+        cv2.line(picture, (x, y), (x + 400, y + 60), 165, 60)
+    return picture
+
+
 def glaring(number: int, picture: np.ndarray) -> np.ndarray:
     """Let a lamp be seen in the ground where the outer marker turns back."""
     x, y = RIG.marker_px(RIG.truth_deg)[14, 3]
@@ -87,6 +95,8 @@ def glaring(number: int, picture: np.ndarray) -> np.ndarray:
         ("flicker", replace(RIG, flicker=0.7, frames=60), "every 4 frames or so"),
         ("glare", Changed(RIG, glaring), "are saturated"),
         ("hand", replace(RIG, covers=[Cover(0.4, 1.0, "moving")]), "keep hands"),
+        ("hand", Changed(RIG, reached_for), "keep hands"),
+        ("jump", replace(RIG, angle_deg=lambda t: 60.0 - 150.0 * t - 100.0 * (t >= 0.6)), "cut nothing out"),
         ("sticks", replace(RIG, angle_deg=below, base_on_top=True, frames=50), "on the camera's side"),
         ("interlaced", Woven(suddenly(250.0), lambda _, picture: picture), "interlaced without saying so"),
     ],
