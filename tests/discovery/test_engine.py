@@ -191,8 +191,9 @@ def test_a_step_between_rests_of_one_level_is_no_error_of_the_inputs() -> None:
     level, step = np.where(rest, 0.5, 0.0), np.where(np.arange(n) > 40, 0.8, 0.0)
 
     def log(residual: np.ndarray) -> float:
-        noise, lasting = stretches.lasting(inputs, block, residual)
-        likelihood = Likelihood.of(stretches, np.hypot(0.02, noise), 1.0, least=0.1, lasting=lasting)
+        lasting = stretches.lasting(inputs, block)
+        floor = np.hypot(0.02, np.where(lasting.any(axis=1), 0.0, inputs))
+        likelihood = Likelihood.of(stretches, floor, 1.0, least=0.1, shared=0.4 * lasting, levels=0.3 * lasting)
         return likelihood.log(residual)
 
     # An error of the level is no surprise; the step is one of 0.8 over √2 times the least discrepancy.

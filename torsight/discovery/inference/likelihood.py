@@ -61,7 +61,9 @@ class Likelihood:
     least : float
         Smallest size of the discrepancy: no model is more exact than a difference that does not matter.
     shared : (n, k) float64
-        Change of the samples by one standard deviation of every error that many samples share.
+        Change of the samples by one standard deviation of every error of the inputs that many samples share.
+    levels : (n, m) float64
+        The same for the discrepancies of levels that interrupted rests share.
     """
 
     count: Floats
@@ -70,6 +72,7 @@ class Likelihood:
     correlation_samples: float
     least: float
     shared: Floats
+    levels: Floats
 
     @classmethod
     def of(
@@ -81,12 +84,11 @@ class Likelihood:
         count: Floats | None = None,
         least: float = 0.0,
         shared: Floats | None = None,
-        lasting: Floats | None = None,
+        levels: Floats | None = None,
     ) -> Likelihood:
         """Return the likelihood of a record cut into stretches, for a correlation time of the residual in motion.
 
-        ``count`` (n,) are the pieces of information per sample where the correlation time alone does not give them;
-        ``lasting`` (n, k) are the levels that interrupted rests share.
+        ``count`` (n,) are the pieces of information per sample where the correlation time alone does not give them.
         """
         kind = np.full(len(floor), MOTION, np.int8)
         for start, stop, at_rest, opening in zip(
@@ -94,15 +96,21 @@ class Likelihood:
         ):
             kind[start:stop] = OPENING if opening else REST if at_rest else MOTION
         shared = np.zeros((len(floor), 0)) if shared is None else shared
-        if lasting is not None:
-            shared, kind[lasting.any(axis=1)] = np.hstack([shared, lasting]), INTERRUPTED
+        levels = np.zeros((len(floor), 0)) if levels is None else levels
+        kind[levels.any(axis=1)] = INTERRUPTED
         count = stretches.counts(correlation_samples) if count is None else count
-        return cls(count, floor, kind, correlation_samples, least, shared)
+        return cls(count, floor, kind, correlation_samples, least, shared, levels)
 
     def at(self, rows: slice) -> Likelihood:
         """Return the likelihood of a part of the record."""
         whole = (self.correlation_samples, self.least)
-        return Likelihood(self.count[rows], self.floor[rows], self.kind[rows], *whole, self.shared[rows])
+        return Likelihood(
+            self.count[rows], self.floor[rows], self.kind[rows], *whole, self.shared[rows], self.levels[rows]
+        )
+
+    @cached_property
+    def _all_shared(self) -> Floats:
+        return np.hstack([self.shared, self.levels])
 
     @property
     def noise(self) -> Floats:
@@ -111,7 +119,7 @@ class Likelihood:
 
     def variance(self, residual: Floats) -> Floats:
         """Return the variance (n,) of every sample: noise, shared errors and the most probable discrepancy."""
-        return np.asarray(self.own_variance(residual) + np.sum(self.shared**2, axis=1))
+        return np.asarray(self.own_variance(residual) + np.sum(self._all_shared**2, axis=1))
 
     def own_variance(self, residual: Floats) -> Floats:
         """Return the variance (n,) of every sample without its shared errors."""
@@ -119,7 +127,7 @@ class Likelihood:
 
     def left(self, residual: Floats) -> Floats:
         """Return a residual less the contribution of its most probable shared errors (n,)."""
-        return np.asarray(residual - self.shared @ self.weight(residual).errors(residual))
+        return np.asarray(residual - self._all_shared @ self.weight(residual).errors(residual))
 
     def in_scales(self, residual: Floats) -> Floats:
         """Return :meth:`left` in units of every sample's standard deviation (n,)."""
@@ -183,7 +191,7 @@ class Likelihood:
         """
         weight = self.weight(residual)
         errors = weight.errors(residual)
-        left = residual - self.shared @ errors
+        left = residual - self._all_shared @ errors
         gain = max(0.0, float(errors @ errors) - len(errors))
         for kind in (MOTION, REST, OPENING, INTERRUPTED):
             rows = (self.kind == kind) & (self.count > 0.0)
@@ -195,10 +203,11 @@ class Likelihood:
 
     def weight(self, residual: Floats) -> Weight:
         """Return the information in a residual, with discrepancy and shared errors at their most probable values."""
-        errors = np.zeros(self.shared.shape[1])
+        shared = self._all_shared
+        errors = np.zeros(shared.shape[1])
         for _ in range(_ROUNDS):
-            each = np.where(self.count > 0.0, self.count / self._variance(residual - self.shared @ errors), 0.0)
-            weight = Weight(each, self.shared)
+            each = np.where(self.count > 0.0, self.count / self._variance(residual - shared @ errors), 0.0)
+            weight = Weight(each, shared)
             before, errors = errors, weight.errors(residual)
             if np.max(np.abs(errors - before), initial=0.0) <= _SETTLED:
                 break

@@ -81,12 +81,11 @@ class Stretches:
                 found[a:b] = 1.0 / ((1.0 - part[a:b]) / count[a:b] + part[a:b] * slower)
         return found
 
-    def lasting(self, noise: Floats, block: Ints, residual: Floats) -> tuple[Floats, Floats]:
-        """Return the inputs' noise (n,) of the prediction without that of interrupted rests, and these levels (n, k).
+    def lasting(self, noise: Floats, block: Ints) -> Flags:
+        """Return the rows (n, k) of each group of rests that share a level; ``noise`` (n,) is the prediction's.
 
         Where nothing moves in the model, its error stays the same: rests of a block between which only the reading
-        moves share one. Errors of levels that the inputs' noise does not explain are of the size of the ``residual``
-        (n,) at rest.
+        moves have one.
         """
         rest, still = np.full(len(noise), -1), np.isclose(noise, np.roll(noise, 1), rtol=_STILL)
         for number, (a, b) in enumerate(self.split()[0]):
@@ -94,11 +93,7 @@ class Stretches:
         runs = np.cumsum(~still | (np.diff(block, prepend=block[0] - 1) != 0))
         pairs = np.unique(np.column_stack([runs, rest])[(rest >= 0) & (noise > 0.0)], axis=0)
         found, times = np.unique(pairs[:, 0], return_counts=True)
-        shared = (runs[:, None] == found[times > 1]) & (rest >= 0)[:, None]
-        if not shared.size:
-            return noise, np.zeros(shared.shape)
-        size = np.hypot(noise, rms(residual[rest >= 0]))
-        return np.where(shared.any(axis=1), 0.0, noise), np.where(shared, size[:, None], 0.0)
+        return np.asarray((runs[:, None] == found[times > 1]) & (rest >= 0)[:, None])
 
     def split(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
         """Return the ranges at rest and those in motion."""

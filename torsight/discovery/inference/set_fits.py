@@ -15,6 +15,7 @@ import numpy as np
 
 from torsight.core.law import Law
 from torsight.core.progress import Progress
+from torsight.core.series import rms
 from torsight.core.units import Floats
 from torsight.discovery.inference.explanation import (
     Explanation,
@@ -253,11 +254,15 @@ class SetFits:
 
     def _likelihood_at(self, problem: Problem, values: Mapping[str, float], effects: EffectSet) -> Likelihood:
         """Return the likelihood with the inputs' noise at given values, and with the current correlation time."""
-        left = residual_of(problem, problem.predict(values, effects))
-        noise, lasting = self.stretches.lasting(problem.input_noise(values, effects), problem.block, left)
-        floor, shared = np.hypot(self._reading, noise), problem.shared_errors(values, effects)
-        more = {"count": self._count, "shared": shared, "lasting": lasting}
-        return Likelihood.of(self.stretches, floor, self._correlation_samples, least=self._problem.resolution, **more)
+        noise, shared = problem.input_noise(values, effects), problem.shared_errors(values, effects)
+        lasting, levels = self.stretches.lasting(noise, problem.block), None
+        if lasting.size:
+            # The inputs' errors last, and so does the model's discrepancy, whose size is that of what is left at rest.
+            left = residual_of(problem, problem.predict(values, effects))
+            levels = rms(left[problem.rest & problem.valid]) * lasting.astype(np.float64)
+            shared, noise = np.hstack([shared, noise[:, None] * lasting]), np.where(lasting.any(axis=1), 0.0, noise)
+        floor, tau, least = np.hypot(self._reading, noise), self._correlation_samples, self._problem.resolution
+        return Likelihood.of(self.stretches, floor, tau, count=self._count, least=least, shared=shared, levels=levels)
 
     def _correlate(self, correlation_samples: float, inputs: Floats | None = None) -> None:
         """Set the correlation time and the pieces of information per sample, which are the same for all sets.
