@@ -19,7 +19,7 @@ Statist. Soc. B 63 (2001) 425).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -62,7 +62,7 @@ class Likelihood:
         Smallest size of the discrepancy: no model is more exact than a difference that does not matter.
     shared : (n, k) float64
         Change of the samples by one standard deviation of every error of the inputs that many samples share.
-    levels : (n, m) float64
+    levels : (n, m) float64, optional
         The same for the discrepancies of levels that interrupted rests share.
     """
 
@@ -72,7 +72,7 @@ class Likelihood:
     correlation_samples: float
     least: float
     shared: Floats
-    levels: Floats
+    levels: Floats | None = None
 
     @classmethod
     def of(
@@ -96,21 +96,25 @@ class Likelihood:
         ):
             kind[start:stop] = OPENING if opening else REST if at_rest else MOTION
         shared = np.zeros((len(floor), 0)) if shared is None else shared
-        levels = np.zeros((len(floor), 0)) if levels is None else levels
-        kind[levels.any(axis=1)] = INTERRUPTED
+        if levels is not None:
+            kind[levels.any(axis=1)] = INTERRUPTED
         count = stretches.counts(correlation_samples) if count is None else count
         return cls(count, floor, kind, correlation_samples, least, shared, levels)
 
     def at(self, rows: slice) -> Likelihood:
         """Return the likelihood of a part of the record."""
-        whole = (self.correlation_samples, self.least)
-        return Likelihood(
-            self.count[rows], self.floor[rows], self.kind[rows], *whole, self.shared[rows], self.levels[rows]
+        return replace(
+            self,
+            count=self.count[rows],
+            floor=self.floor[rows],
+            kind=self.kind[rows],
+            shared=self.shared[rows],
+            levels=None if self.levels is None else self.levels[rows],
         )
 
     @cached_property
     def _all_shared(self) -> Floats:
-        return np.hstack([self.shared, self.levels])
+        return self.shared if self.levels is None else np.hstack([self.shared, self.levels])
 
     @property
     def noise(self) -> Floats:
