@@ -533,12 +533,10 @@ def _wheel(teeth: int) -> np.ndarray:
 class Glaring(FlatFilm):
     """A lamp is mirrored in the whole moving stick from a frame on."""
 
-    def _sharp(self, ground: np.ndarray, angle_deg: float, number: int) -> np.ndarray:
+    def sprites(self, number: int) -> tuple[list[Sprite], list[Sprite]]:
+        """Those of the base and of the moving stick in a frame."""
         blank = Sprite(np.full((8, 16), 250.0, np.float32), along_mm=100.0, width_mm=170.0)
-        plain, self.moving = self.moving, [*self.moving, *[blank] * (number >= 30)]
-        fine = super()._sharp(ground, angle_deg, number)
-        self.moving = plain
-        return fine
+        return self.base, [*self.moving, *[blank] * (number >= 30)]
 
 
 @dataclass
@@ -547,14 +545,12 @@ class Sliding(FlatFilm):
 
     slides: float = 60.0
 
-    def _sharp(self, ground: np.ndarray, angle_deg: float, number: int) -> np.ndarray:
+    def sprites(self, number: int) -> tuple[list[Sprite], list[Sprite]]:
+        """Those of the base and of the moving stick in a frame."""
         sheet = Sprite(
             texture_picture(np.random.default_rng(9), 100, 100), self.slides, 34.0, across_mm=75.0 - 1.5 * number
         )
-        plain, self.base = self.base, [*self.base, sheet]
-        fine = super()._sharp(ground, angle_deg, number)
-        self.base = plain
-        return fine
+        return [*self.base, sheet], self.moving
 
 
 @dataclass

@@ -106,11 +106,16 @@ class FlatFilm:
             seen = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
             yield np.ascontiguousarray(seen[:, ::-1]) if self.mirrored else seen
 
+    def sprites(self, number: int) -> tuple[list[Sprite], list[Sprite]]:
+        """Those of the base and of the moving stick in a frame."""
+        del number
+        return self.base, self.moving
+
     def _sharp(self, ground: np.ndarray, angle_deg: float, number: int) -> np.ndarray:
         fine = ground.astype(np.float32).copy()
         # Pixel i of the film covers the fine pixels FINE · i to FINE · i + FINE - 1.
         to_fine = np.array([[FINE, 0.0, (FINE - 1) / 2.0], [0.0, FINE, (FINE - 1) / 2.0], [0.0, 0.0, 1.0]])
-        for sprites, turn_deg in ((self.base, self.base_deg), (self.moving, self.base_deg + angle_deg)):
+        for sprites, turn_deg in zip(self.sprites(number), (self.base_deg, self.base_deg + angle_deg), strict=True):
             for sprite in sprites:
                 _lay(fine, sprite, to_fine @ self.camera() @ _turned(turn_deg))
         for hand in self.hands:

@@ -9,12 +9,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.units import Flags
 from tracker.appearance.lucas_kanade import Luma
 from tracker.detect.dots import FAINTEST, SMALLEST_PX
 from tracker.frames.frame import Frame, pictures_of
 
 SHARPER: Final = "film with a shorter shutter time and more light, or move more slowly"
-MOVED_GREY: Final = 25
+_MOVED_GREY: Final = 25
 """Smallest change of a pixel that is motion and not noise (of 2 to 8 grey levels)."""
 MOVED_PX: Final = 60
 """Fewest moved pixels from which motion blur or interlacing is judged: a few dots' area."""
@@ -56,13 +57,18 @@ def _width_of_moving(picture: Luma, after: Luma) -> float | None:
 
     None where nothing moved. The width is the change of brightness nearby over the steepest gradient there.
     """
-    moved = cv2.absdiff(picture, after) > MOVED_GREY
+    moved = moved_in(picture, after)
     if moved.sum() < MOVED_PX:
         return None
     gradient, change = edges_in(picture)
-    width, edges = change / np.maximum(cv2.dilate(gradient, _WINDOW), 1.0), change > MOVED_GREY
+    width, edges = change / np.maximum(cv2.dilate(gradient, _WINDOW), 1.0), change > _MOVED_GREY
     parts = [width[edges & part] for part in (moved, ~moved)]
     return float(np.median(parts[0]) / np.median(parts[1])) if all(map(len, parts)) else None
+
+
+def moved_in(picture: Luma, other: Luma) -> Flags:
+    """Return the mask (h, w) of the pixels in which two pictures differ by more than noise."""
+    return np.asarray(cv2.absdiff(picture, other) > _MOVED_GREY)
 
 
 def edges_in(picture: Luma) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

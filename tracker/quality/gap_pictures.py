@@ -1,8 +1,8 @@
 """Causes visible in the pictures of frames without an angle: interlacing, blur, too fast a stick, or none of these.
 
 The sticks' region of a picture is resampled over the angle about the axis. The difference from the median of all
-pictures examined shows the moving stick as a peak, as wide as the stick. From one frame to the next the peak
-moves by the stick's turn, and a long exposure widens it by a share of that turn. Neither happens under a hand.
+pictures examined shows the moving stick as a peak, as wide as the stick. From one frame to the next the peak moves by
+the stick's turn, and a long exposure widens it by a share of that turn. Neither happens under a hand.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.tracks import MarkerTracks, StickAngles
-from torsight.core.units import DEG, Flags, Floats, Ints
+from torsight.core.units import DEG, Floats, Ints
 from tracker.angle.axis_of_circles import axis_px
-from tracker.detect.moving_part import LOOKED_AT, MOVED_GREY, MOVED_PX, edges_in
+from tracker.detect.moving_part import LOOKED_AT, MOVED_PX, edges_in, moved_in
 from tracker.detect.sticks import crossing_point
 from tracker.follow.motion_model import jump_px
 from tracker.innovation import SIGMAS
@@ -133,8 +133,8 @@ def jumps_at(
         near = {index: (shown[index - 1], shown[index]) for index in frames[1:] if {index - 1, index} <= shown.keys()}
         if begin not in near or not set(gaps[begin]) <= shown.keys():
             continue
-        pixels = {index: float(_moved(*step).sum()) for index, step in near.items()}
-        new, left = (_moved(shown[begin], shown[index]) for index in gaps[begin])
+        pixels = {index: float(moved_in(*step).sum()) for index, step in near.items()}
+        new, left = (moved_in(shown[begin], shown[index]) for index in gaps[begin])
         over = (new & left).sum() > _OVER * new.sum()
         turns_deg = {index: abs((layout and layout.step_deg(*step)) or 0.0) for index, step in near.items()}
         if _is_alone(turns_deg, begin, LEAST_FAST_DEG) or (_is_alone(pixels, begin, MOVED_PX) and not over):
@@ -145,10 +145,6 @@ def jumps_at(
 def _is_alone(changes: Mapping[int, float], frame: int, least: float) -> bool:
     """Return whether the change to a frame is large, and those to the other ones are not."""
     return changes[frame] > JUMP * max([least, *(change for index, change in changes.items() if index != frame)])
-
-
-def _moved(one: Luma, other: Luma) -> Flags:
-    return np.asarray(cv2.absdiff(one, other) > MOVED_GREY)
 
 
 def _over_the_stroke(angles: StickAngles) -> list[int]:
@@ -164,7 +160,7 @@ def spread_over(frames: Ints) -> Ints:
 
 def combed(picture: Luma, other: Luma) -> float:
     """Return the combing of a picture's rows where the picture differs from another one; see :data:`COMBED`."""
-    moved = cv2.absdiff(picture, other)[2:-2] > MOVED_GREY
+    moved = moved_in(picture, other)[2:-2]
     if moved.sum() < MOVED_PX:
         return 0.0
     rows = picture.astype(np.float32)

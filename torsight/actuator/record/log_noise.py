@@ -69,7 +69,7 @@ def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
         return 0.0, 1.0
     found = _noise_at(temp_c, strides)
     digit = last_digit(temp_c)
-    if found[0] > digit or not is_stepped(temp_c, digit):
+    if found[0] > digit or not _is_stepped(temp_c, digit):
         return found
     # Most of the time the log is constant to its last digit, which hides its noise.
     moving = _without_rests(temp_c, 4 * longest)
@@ -165,7 +165,7 @@ def _evidence(count: Floats | float, whole: float, chance: Floats | float) -> Fl
     return np.asarray(whole * (rel_entr(share, chance) + rel_entr(1.0 - share, 1.0 - chance)))
 
 
-def is_stepped(temp_c: Floats, digit_c: float) -> bool:
+def _is_stepped(temp_c: Floats, digit_c: float) -> bool:
     """Return whether every reading of a log (n,) is rounded: nine in ten changes are no less than the digit.
 
     Of a table of rows between the readings these are the changes from one repeated value to another.

@@ -238,12 +238,11 @@ class SeveralRecords(OptionalMembers):
         """Return ``predict`` at several points, of which many differ in values that only one of the records has."""
         each = []
         for k, part in enumerate(self.parts):
-            own_effects, known = self.effects_of(k, effects), dict[tuple[float, ...], Floats]()
-            points = [self.values_of(k, one) for one in values]
-            for point in points:
-                if (key := tuple(point.values())) not in known:
-                    known[key] = part.predict(point, own_effects)
-            each.append([known[tuple(point.values())] for point in points])
+            own_effects, points = self.effects_of(k, effects), [self.values_of(k, one) for one in values]
+            keys = [tuple(point.values()) for point in points]
+            distinct = dict(zip(keys, points, strict=True))
+            found = {key: part.predict(point, own_effects) for key, point in distinct.items()}
+            each.append([found[key] for key in keys])
         return [np.concatenate(parts) for parts in zip(*each, strict=True)]
 
     def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:

@@ -23,7 +23,6 @@ _LEAST_PIECE: Final = 16
 one over the root of 2 · 13 · 0.37 (efficiency of the median deviation)."""
 _FIRST_TIME_SHARE: Final = 1.0 / 40.0
 """Correlation time that is assumed before a residual is known, as a share of a stretch of motion."""
-
 _STILL: Final = 0.01
 """Relative change of the inputs' noise from row to row up to which the model stands still: of 24 draws, one that moves
 by the noise changes it by two hundredths."""
