@@ -330,6 +330,15 @@ def test_a_third_slope_of_the_loading_curve_is_told_from_a_torque_beside_it(form
     assert found.values["stiffening_onset_deg"] == pytest.approx(660.0, abs=5.0)
 
 
+@pytest.mark.parametrize(("form", "lower", "upper"), [("bend", 0.6, 1.0), ("bend_alone", 0.0, 0.4)])
+def test_the_fit_finds_whether_the_recoverable_angle_follows_the_loading_curve(form, lower, upper):
+    made = made_with({"stiffening": {"rise_mnm": 0.2, "onset_deg": 620.0, "form": form}}, seed=16)
+    without, found = fitted_to(made, ()), fitted_to(made, ("stiffening",))
+    assert found.rmse_deg < 0.35 * without.rmse_deg
+    assert lower <= found.values["stiffening_followed_share"] <= upper
+    assert found.values["stiffening_loading_share"] > 0.8
+
+
 def test_nothing_is_held_back_without_latent_heat_and_all_of_it_comes_in_the_end():
     log, _ = programme([(0, [(90.0, 0.5)]), (1, [(90.0, 0.5)])])
     model = ActuatorModel(reference_spec(), ("latent_heat",))

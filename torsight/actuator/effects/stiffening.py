@@ -5,7 +5,8 @@ r"""The stress-induced martensite ends: a spring that is wound far stiffens.
 θ a spring's own winding, θ_on winding at which stiffening begins (°), k_3 in mN·m/rad³ with R = 100°, p exponent (3:
 the usual cubic; 1: a third slope); the torque is added to that of either spring's phase. Its slope is limited to
 austenite's stiffness, which no spring exceeds. A share w of it belongs to the loading curve (p = 1: a third slope of
-this curve), so that the spring unwinds along K_M. Predicted residual: stroke is lost at both ends, equally in both
+this curve), so that the spring unwinds along K_M; the recoverable angle follows that part by a share f (1: what is
+unwound below it remains, 0: as without stiffening). Predicted residual: stroke is lost at both ends, equally in both
 directions. Source: the paper, section 4.1, step 2; end of detwinning, e.g. Lagoudas, Shape Memory Alloys (2008), ch. 1.
 """
 
@@ -28,7 +29,8 @@ def apply(ports: Ports, values: Values) -> Ports:
         return no_steeper(cubic_nm * REACH_RAD**3 * past ** values["stiffening_exponent"], theta_rad, steepest_nm)
 
     if share > 0.0:
-        ports = ports.with_loading(part_nm(share, ports.steepest_bend_nm))
+        follows = values["stiffening_followed_share"]
+        ports = ports.with_loading(part_nm(share, ports.steepest_bend_nm), follows=follows)
     return ports if share == 1.0 else ports.with_side(part_nm(1.0 - share, ports.rig.k_austenite))
 
 
@@ -60,6 +62,16 @@ EFFECT = Effect(
             symbol="w",
             title="share that belongs to the loading curve",
         ),
+        Parameter(
+            name="stiffening_followed_share",
+            value=1.0,
+            unit="",
+            lower=0.0,
+            upper=1.0,
+            sigma=0.5,
+            symbol="f",
+            title="share of that part which the recoverable angle follows",
+        ),
     ),
     apply=apply,
     starts=(
@@ -72,6 +84,12 @@ EFFECT = Effect(
             "stiffening_onset_deg": 660.0,
             "stiffening_exponent": 1.0,
             "stiffening_loading_share": 0.9,
+        },
+        {
+            "stiffening_mnm_per_rad3": 0.03,
+            "stiffening_onset_deg": 560.0,
+            "stiffening_loading_share": 0.9,
+            "stiffening_followed_share": 0.1,
         },
     ),
     laws=("winding_winding_deg", "loading_winding_deg", "loading_alone_winding_deg"),

@@ -16,7 +16,7 @@ from torsight.core.files.storage import check_keys
 from torsight.synthetic.effects.mechanisms import MECHANISMS, HiddenEffect, effect
 from torsight.synthetic.keys import key, read_section
 
-STIFFENING_FORMS: Final = ("cubic", "third_slope", "quadratic", "loading", "bend")
+STIFFENING_FORMS: Final = ("cubic", "third_slope", "quadratic", "loading", "bend", "bend_alone")
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +123,7 @@ HIDDEN: Final[Mapping[str, type[HiddenEffect]]] = {
         form=key(
             "cubic",
             "law; 'loading' is a third slope of the loading curve, which is unwound along the first, "
-            "'bend' a cubic of it",
+            "'bend' a cubic of it, 'bend_alone' one that the recoverable angle does not follow",
             choices=STIFFENING_FORMS,
             constant="stiff_form",
         ),

@@ -37,7 +37,7 @@ class Spring(NamedTuple):
     cooler_c: Floats
 
 
-LOADING, BEND = (STIFFENING_FORMS.index(form) for form in ("loading", "bend"))
+LOADING, BEND, BEND_ALONE = (STIFFENING_FORMS.index(form) for form in ("loading", "bend", "bend_alone"))
 """Stiffening that belongs to the loading curve: a third slope, or a cubic."""
 
 _WINDING: Final = SLOTS["winding", "winding"]
@@ -63,7 +63,7 @@ def loading(c: Constants, theta: float) -> float:
 @lending
 def bend(c: Constants, theta: float) -> float:
     """Return the excess torque, N·m, of a loading curve with cubic stiffening over that of two slopes."""
-    if c.stiff_form != BEND or theta <= c.stiff_onset or c.stiff == 0.0:
+    if c.stiff_form < BEND or theta <= c.stiff_onset or c.stiff == 0.0:
         return 0.0
     steepest = _STEEPEST * (c.k_m - c.k_s)
     limit = ONSET_SCALE_RAD * math.sqrt(steepest * ONSET_SCALE_RAD / (3.0 * c.stiff))
@@ -83,7 +83,7 @@ def unwound_from(c: Constants, theta: float, tau: float) -> float:
     if tau >= loading(c, theta):
         return theta
     start = max(theta, c.theta_cr)
-    if c.stiff_form == BEND or has_law(c, _LOADING):
+    if c.stiff_form >= BEND or has_law(c, _LOADING):
         return unwound_along(c, theta, tau, start)
     over = max(loading(c, start) - c.k_m * (start - theta) - tau, 0.0)
     second = max(c.stiff_onset - start, 0.0) if c.stiff_form == LOADING else np.inf
@@ -120,7 +120,8 @@ def past_onset(theta: float, onset: float, rise: float, power: float) -> float:
 @lending
 def recoverable(c: Constants, theta_max: float) -> float:
     """Return the angle that heating recovers after winding to ``theta_max``."""
-    return max(theta_max - loading(c, theta_max) / c.k_m, 0.0)
+    excess = bend(c, theta_max) if c.stiff_form == BEND_ALONE else 0.0
+    return max(theta_max - (loading(c, theta_max) - excess) / c.k_m, 0.0)
 
 
 @lending
