@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Final
 
-import typer
+from typer import Option
 
 from torsight.cli.checkup.install import own_packages
 from torsight.core.errors import ConfigError, TorsightError
@@ -76,7 +76,7 @@ def answering(command: Callable[..., Answer | None], *, name: str) -> Callable[.
         "as_json",
         inspect.Parameter.KEYWORD_ONLY,
         default=False,
-        annotation=Annotated[bool, typer.Option("--json", help="Answer with one JSON object on standard output.")],
+        annotation=Annotated[bool, Option("--json", help="Answer with one JSON object on standard output.")],
     )
     parameters = [*signature.parameters.values(), option]
     answered.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]

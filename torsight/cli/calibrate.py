@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 from typer.core import TyperCommand
 
 from torsight.cli.answer import Answer
@@ -53,41 +53,36 @@ def _spread(words: list[str]) -> list[str]:
 def calibrate(
     images: Annotated[
         list[Path] | None,
-        typer.Argument(
+        Argument(
             metavar="IMAGES...", help="Pictures, folders or globs of them, or films, of the board.", show_default=False
         ),
     ] = None,
     *,
-    board: Annotated[
-        Path | None, typer.Option(metavar="BOARD.toml", help="The board; 'torsight board' makes one.")
-    ] = None,
-    out: Annotated[Path, typer.Option(metavar="CAMERA.toml", help="The camera file to write.")],
+    board: Annotated[Path | None, Option(metavar="BOARD.toml", help="The board; 'torsight board' makes one.")] = None,
+    out: Annotated[Path, Option(metavar="CAMERA.toml", help="The camera file to write.")],
     right: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="IMAGES...", help="The right camera's pictures or film, in the same order."),
+        list[Path] | None, Option(metavar="IMAGES...", help="The right camera's pictures or film, in the same order.")
     ] = None,
     pose: Annotated[
         list[Path] | None,
-        typer.Option(
+        Option(
             metavar="IMAGES...",
             help="The board lying on the disk: one picture, or several with the disk turned in between.",
         ),
     ] = None,
     camera: Annotated[
         Path | None,
-        typer.Option(metavar="CAMERA.toml", help="A camera that is known, to add a pose to; then without IMAGES."),
+        Option(metavar="CAMERA.toml", help="A camera that is known, to add a pose to; then without IMAGES."),
     ] = None,
     tracks: Annotated[
         Path | None,
-        typer.Option(
-            metavar="MARKERS.csv", help="With --camera: the axis from the markers' circles in a 'torsight track'."
-        ),
+        Option(metavar="MARKERS.csv", help="With --camera: the axis from the markers' circles in a 'torsight track'."),
     ] = None,
     stick_mm: Annotated[
-        float | None, typer.Option(min=1e-3, help="With --tracks: distance of the moving stick's markers.")
+        float | None, Option(min=1e-3, help="With --tracks: distance of the moving stick's markers.")
     ] = None,
-    base_z_mm: Annotated[float, typer.Option(help="Height of the base stick's markers above the board.")] = 0.0,
-    moving_z_mm: Annotated[float, typer.Option(help="Height of the moving stick's markers above the board.")] = 0.0,
+    base_z_mm: Annotated[float, Option(help="Height of the base stick's markers above the board.")] = 0.0,
+    moving_z_mm: Annotated[float, Option(help="Height of the moving stick's markers above the board.")] = 0.0,
 ) -> Answer:
     """Calibrate one camera or two from pictures of a board.
 

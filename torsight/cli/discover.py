@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-import typer
+from typer import Argument, Option
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
@@ -30,17 +30,17 @@ _MADE: Final = (*FILES, "next_experiment.csv")
 def discover(
     merged: Annotated[
         list[Path],
-        typer.Argument(
+        Argument(
             metavar="MERGED.csv…",
             help="Angle and temperatures on one clock; several records of one rig in their order.",
         ),
     ],
     *,
     actuator: ActuatorFile,
-    out: Annotated[Path, typer.Option(help="Folder for the results.")],
+    out: Annotated[Path, Option(help="Folder for the results.")],
     seed: Seed = 0,
     export_effect: Annotated[
-        Path | None, typer.Option(metavar="FILE.py", help="Write the strongest measured law as an effect.")
+        Path | None, Option(metavar="FILE.py", help="Write the strongest measured law as an effect.")
     ] = None,
 ) -> Answer:
     """Find what the quasi-static model lacks.

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-import typer
+from typer import Argument, Option
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
@@ -25,21 +25,19 @@ _MOST_NAMED: Final = 3
 
 
 def predict(
-    model: Annotated[
-        Path, typer.Argument(metavar="MODEL.json", help="Model of 'torsight fit', 'discover' or 'missing'.")
-    ],
+    model: Annotated[Path, Argument(metavar="MODEL.json", help="Model of 'torsight fit', 'discover' or 'missing'.")],
     temperature: Annotated[
-        Path, typer.Argument(metavar="RECORD.csv", help="Temperatures of both springs; or a record of one's own model.")
+        Path, Argument(metavar="RECORD.csv", help="Temperatures of both springs; or a record of one's own model.")
     ],
     *,
     start_angle: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Measured angle at the first row, degrees (actuator only).")
+        float | None, Option(metavar="DEG", help="Measured angle at the first row, degrees (actuator only).")
     ] = None,
     initial: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Initial state of the record (own models only); may be repeated."),
+        Option(metavar="NAME=VALUE", help="Initial state of the record (own models only); may be repeated."),
     ] = None,
-    out: Annotated[Path, typer.Option(metavar="FILE.csv", help="Table to write (.csv or .parquet).")],
+    out: Annotated[Path, Option(metavar="FILE.csv", help="Table to write (.csv or .parquet).")],
     columns: Columns = None,
     units: Units = None,
 ) -> Answer:
