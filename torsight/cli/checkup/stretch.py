@@ -210,16 +210,10 @@ def _look_at_speed(
     rate_deg_s = float(np.nanquantile(np.abs(np.diff(angle_deg) / np.diff(time_s)), 0.99))
     moved = np.hypot(*np.diff(outer, axis=0).T)
     step_px = float(np.nanquantile(moved, 0.99)) if np.isfinite(moved).any() else 0.0
-    range_deg = float(np.ptp(angle_deg))
     smear_px = shutter * step_px
     findings: list[Finding] = []
-    motion = {
-        "range_deg": range_deg,
-        "rate_deg_s": rate_deg_s,
-        "step_deg": step_deg,
-        "step_px": step_px,
-        "smear_px": smear_px,
-    }
+    motion = {"range_deg": float(np.ptp(angle_deg)), "rate_deg_s": rate_deg_s, "step_deg": step_deg}
+    motion |= {"step_px": step_px, "smear_px": smear_px}
     if step_deg > _FAST_DEG:
         text = f"turns by up to {step_deg:.1f}° from one frame to the next ({rate_deg_s:.0f}°/s)."
         findings.append(Finding(about, "limits", text, f"film faster: {_FAST_DEG:g}° per frame and less are safe"))
