@@ -19,9 +19,6 @@ from torsight.core.words.shown import Shown, draw_series, share, span
 
 GIVEN_OFFSET: Final = "given offset"
 """Beginning of the ``method`` of a clock map whose offset was given, not estimated."""
-_LEAST_CLOCK_S: Final = 0.05
-"""Least standard deviation of an offset: the time of an event in both recordings is known to one frame of the film,
-0.03 s at 30 per second, and one row of the log."""
 
 
 def clock_sigma_s(method: str, interval_s: tuple[float, float]) -> float | None:
@@ -32,7 +29,8 @@ def clock_sigma_s(method: str, interval_s: tuple[float, float]) -> float | None:
     low, high = interval_s
     if method.startswith(GIVEN_OFFSET) or not math.isfinite(high - low):
         return None
-    return max((high - low) / (2.0 * REACH), _LEAST_CLOCK_S)
+    # An event's time in both recordings is known to a frame of the film, 0.03 s at 30 per second, and a row of the log.
+    return max((high - low) / (2.0 * REACH), 0.05)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -210,8 +210,6 @@ def _look_at_separable(found: Separable, cycles: Sequence[HalfCycle]) -> list[Fi
 
 PLENTY: Final = 20
 """Readings per pulse that resolve its shape (benchmarks/actuator/pulsed_heaters.py)."""
-_SLOW_SHARE: Final = 0.95
-"""Quantile at which differences are clipped: corners of the temperature cause the largest differences, but few."""
 
 
 def ripple_c(reading: LogReading) -> dict[Spring, float]:
@@ -285,4 +283,5 @@ def _scatter(time_s: Floats, temp_c: Floats, rows: Flags, stride: int) -> float:
         weight = 1.0 / np.where(apart_s == 0.0, 1.0, apart_s).prod(axis=1)
         found.append(np.abs((weight * temp_c[at]).sum(axis=0)) / np.sqrt(np.square(weight).sum(axis=0)))
     size = np.concatenate(found)
-    return rms(np.minimum(size, np.quantile(size, _SLOW_SHARE)))
+    # Corners of the temperature cause the largest differences, but few.
+    return rms(np.minimum(size, np.quantile(size, 0.95)))

@@ -17,7 +17,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,9 +115,6 @@ class Sight:
         return np.where(known, ray - self.ray, 0.0), np.where(known, slope, 0.0)
 
 
-_ANGLE_STEPS: Final = 2
-"""Gauss-Newton steps for θ: the error of the first guess is the pictures' noise over a radius, and each step about
-squares it."""
 # Indices of the shared values.
 _TILT, _POINT, _RADII = slice(0, 2), slice(2, 5), slice(5, 7)
 _BETWEEN, _RISE, _VALUES = 7, 8, 9
@@ -310,8 +306,11 @@ class Circles:
         return np.angle(total)
 
     def _best_angle(self, values: Floats, angle: Floats) -> Floats:
-        """Return the least-squares θ (n,), from a guess near it."""
-        for _ in range(_ANGLE_STEPS):
+        """Return the least-squares θ (n,), from a guess near it, by two Gauss-Newton steps.
+
+        The error of the first guess is the pictures' noise over a radius, and each step about squares it.
+        """
+        for _ in range(2):
             gradient, information, _ = self._normal_equation(values, angle)
             angle = angle - gradient / np.where(information > 0.0, information, 1.0)
         return angle
