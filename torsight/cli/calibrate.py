@@ -92,20 +92,13 @@ def calibrate(
 
     Example: torsight calibrate left*.jpg --board board.toml --right right*.jpg --out camera.toml
     """
+    heights_mm = (base_z_mm, moving_z_mm)
     if tracks is not None:
-        lines = _add_circles(tracks, camera, stick_mm=stick_mm, heights_mm=(base_z_mm, moving_z_mm), out=out)
+        lines = _add_circles(tracks, camera, stick_mm=stick_mm, heights_mm=heights_mm, out=out)
     else:
-        with progress_bar() as progress:
-            lines = _calibrate_to_file(
-                images or [],
-                board,
-                right=right or [],
-                pose=pose or [],
-                camera=camera,
-                heights_mm=(base_z_mm, moving_z_mm),
-                out=out,
-                progress=progress,
-            )
+        lines = _calibrate_to_file(
+            images or [], board, right=right or [], pose=pose or [], camera=camera, heights_mm=heights_mm, out=out
+        )
     for line in [*lines, f"Camera file     {out}"]:
         say(line)
     made = [out, *([_coverage_of(out)] if images and tracks is None else [])]
@@ -126,7 +119,6 @@ def _calibrate_to_file(
     camera: Path | None,
     heights_mm: tuple[float, float],
     out: Path,
-    progress: Progress,
 ) -> list[str]:
     """Write the camera file and the picture of the coverage; return the lines for the terminal.
 
@@ -143,12 +135,13 @@ def _calibrate_to_file(
     require_apart([out, picture], [board, camera, *images, *right, *pose])
     chosen = read_board(board)
     known = read_camera(camera) if camera else None
-    if right:
-        result = calibrate_two(images, right, chosen, progress=progress)
-    else:
-        result = calibrate_one(images, chosen, progress=progress) if images else Calibration(chosen)
-    if pose:
-        result = _with_axis(result, pose, known, heights_mm=heights_mm, progress=progress)
+    with progress_bar() as progress:
+        if right:
+            result = calibrate_two(images, right, chosen, progress=progress)
+        else:
+            result = calibrate_one(images, chosen, progress=progress) if images else Calibration(chosen)
+        if pose:
+            result = _with_axis(result, pose, known, heights_mm=heights_mm, progress=progress)
     _write_camera(out, camera_of(result, known), account(result, earlier=dict(known.extra) if known else None))
     lines = summary(result)
     if result.left is not None:

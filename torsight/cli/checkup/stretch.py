@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -121,10 +122,7 @@ def _look_at_coverage(
     text = f"{known} of {counted(frames, 'frame')} that were tracked have an angle"
     if before:
         text += f"; the markers are first seen in frame {before}, {100 * before / total:.0f} % into the film"
-    why: dict[str, int] = {}
-    for one in accounts:
-        for name, count in one["frames"]["causes"].items():
-            why[name] = why.get(name, 0) + count
+    why = sum((Counter(one["frames"]["causes"]) for one in accounts), Counter[str]())
     most = max(why, key=lambda name: why[name], default="")
     if most in WHY:
         text += f"; most of the others: {WHY[most]}"
