@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
@@ -19,9 +19,6 @@ from torsight.core.units import DEG
 if TYPE_CHECKING:
     from torsight.actuator.effects import Effect
     from torsight.actuator.model import ActuatorModel
-
-_MOST_NAMED: Final = 3
-"""Largest number of other explanations named in the note."""
 
 
 def predict(
@@ -83,10 +80,11 @@ def predict(
     ]
     others.sort(key=lambda other: -other[1])
     if others:
-        named = [f"{_named(acting)} ({100.0 * share:.0f} %)" for acting, share in others[:_MOST_NAMED]]
-        more = [f"{len(others) - _MOST_NAMED} more"] if len(others) > _MOST_NAMED else []
+        named = [f"{_named(acting)} ({100.0 * share:.0f} %)" for acting, share in others]
+        more = len(named[3:])
+        named[3:] = [f"{more} more"] if more else []
         say(
-            f"the record's explanation may be another one than {_named(own)}: {', '.join(named + more)}; "
+            f"the record's explanation may be another one than {_named(own)}: {', '.join(named)}; "
             "angle_sigma_deg is wide where they predict something else"
         )
     return write_angles_of(out, log, found.simulation, angle_rad=found.angle_rad, sigma_rad=found.sigma_rad)
