@@ -77,8 +77,7 @@ def board(
             "Print at 100 %, measure the bar of 100 mm and a square, glue it on something flat and stiff.",
         )
     files = _write(out, drawing, dpi=dpi, toml=tomli_w.dumps(content) if description is None else "")
-    for line in (lines[0], *(f"                {path}" for path in files), lines[1]):
-        say(line)
+    say(lines[0], *(f"                {path}" for path in files), lines[1])
     return Answer(content, files=tuple(files))
 
 

@@ -99,8 +99,7 @@ def calibrate(
         lines = _calibrate_to_file(
             images or [], board, right=right or [], pose=pose or [], camera=camera, heights_mm=heights_mm, out=out
         )
-    for line in [*lines, f"Camera file     {out}"]:
-        say(line)
+    say(*lines, f"Camera file     {out}")
     made = [out, *([_coverage_of(out)] if images and tracks is None else [])]
     return Answer(read_toml(out), files=made)
 

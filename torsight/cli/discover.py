@@ -64,9 +64,7 @@ def discover(
     content = read_json(out / "discovery.json")
     verdict = verdict_sentence(content)
     notes = [f"Note              {in_symbols(note)}" for note in report.notes if note not in verdict]
-    for line in (*attention(content), *discovery_lines(content), *notes):
-        say(line)
-    say(f"Report            {out / 'report.html'}")
+    say(*attention(content), *discovery_lines(content), *notes, f"Report            {out / 'report.html'}")
     if export_effect is not None:
         say(f"Effect            {export_effect}")
     say(f"Results           {out}")

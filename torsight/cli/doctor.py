@@ -42,8 +42,7 @@ def doctor(
     with progress_bar() as progress:
         findings, content = examine(chosen, progress=progress)
     findings = ordered([*findings, *check_install()])
-    for line in verdict_lines(findings):
-        say(line)
+    say(*verdict_lines(findings))
     result = {"verdict": verdict(findings), "findings": [item.to_json() for item in findings], **content}
     return Answer(result, exit_code=exit_code(findings))
 

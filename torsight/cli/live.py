@@ -102,8 +102,7 @@ def live(
             say(f"waiting for {temperature}: it is followed as soon as it exists")
         with _screens(feed, browser_port=ports[1] if serve else None, window=viewer):
             outcome = session.run(stop)
-    for line in summary(outcome, folder):
-        say(line)
+    say(*summary(outcome, folder))
     files = [folder / name for name in FILES]
     return Answer(read_json(folder / "live.json"), files=[path for path in files if path.exists()])
 

@@ -74,8 +74,7 @@ def missing(
     say(found.summary())
     if found.failures:
         say(f"Tracebacks        {out / FAILURES}")
-    say(f"Report            {out / 'report.html'}")
-    say(f"Results           {out}")
+    say(f"Report            {out / 'report.html'}", f"Results           {out}")
     made = [*FILES, *(law.csv_name for law in chosen), *([FAILURES] if found.failures else [])]
     return Answer(found.to_json(), files=tuple(out / name for name in made))
 

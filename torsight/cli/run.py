@@ -47,8 +47,8 @@ def run(
     if (experiment is None) == (from_ is None):
         raise ConfigError("needs one of EXPERIMENT.toml and --from PROVENANCE.json", where="torsight run")
     chosen = read_experiment(experiment) if experiment is not None else again(from_ or Path())
-    for line in other_versions(from_) if from_ is not None else ():
-        say(line)
+    if from_ is not None:
+        say(*other_versions(from_))
     with progress_bar() as progress:
         folder = run_experiment(chosen, out=out, resume=resume, progress=progress)
     return shown(folder, view=view)
@@ -61,8 +61,7 @@ def shown(folder: Path, *more: str, view: bool) -> Answer:
     """
     from torsight.cli.summary import summary
 
-    for line in ("", *summary(folder), *more):
-        say(line)
+    say("", *summary(folder), *more)
     if view:
         from torsight.cli.view import view as open_view
 

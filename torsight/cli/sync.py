@@ -93,8 +93,7 @@ def sync(
             error.do = "; ".join(filter(None, (error.do, f"{out / 'merged.csv'} is that of an earlier sync")))
         raise
     content = read_json(out / "sync.json")
-    for line in summary_lines(content):
-        say(line)
+    say(*summary_lines(content))
     files = (out / "merged.csv", out / "sync.json", *(() if table is None else (table,)))
     return Answer(content, files=files)
 

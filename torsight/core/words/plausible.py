@@ -32,8 +32,8 @@ a room in kelvin has 290."""
 HEATED_C: Final = 12.0
 """Smallest rise that moves a spring: the reference rig's transformation takes 18 °C on heating, 14 °C on cooling."""
 _AT_REST_C: Final = (-100.0, 55.0)
-"""Range of a spring's temperature at rest: °C of a room that are taken for kelvin are converted to −250 °C; in °F a room
-has 60 and more, in kelvin 290."""
+"""Range of a spring's temperature at rest: °C of a room that are taken for kelvin are converted to −250 °C; in °F a
+room has 60 and more, in kelvin 290."""
 _SECONDS: Final = "give times in seconds, not in milliseconds, minutes or days, or state a log's unit: --units time=ms"
 
 
