@@ -43,11 +43,11 @@ def check_log(
     path: Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
 ) -> LogCheck:
     """Check a log alone: rate, gaps, repairs, ranges, noise."""
-    check = LogCheck()
+    check = LogCheck("log")
     try:
         reading = check.reading = read_temperature_log(path, columns=columns, units=units)
     except TorsightError as error:
-        check.findings.append(refusal("log", error))
+        check.refuse(error)
         return check
     log = reading.log
     check.findings += [Finding("log", "note", f"{note}.") for note in reading.notes]
@@ -80,13 +80,13 @@ def check_log(
 def _look_at_rows(check: LogCheck, reading: LogReading, usual_s: float) -> None:
     for repair in reading.repairs:
         level = "note" if repair.kind not in ("gap", "stuck", "restart") else "limits"
-        check.findings.append(Finding("log", level, repair.text.rstrip(".") + "."))
+        check.add(level, repair.text.rstrip(".") + ".")
     if usual_s > SLOW_S:
         text = f"has a row every {usual_s:.2g} s: corners of the temperature, where a heating ends, fall between rows."
-        check.findings.append(Finding("log", "limits", text, "log once a second or faster"))
+        check.add("limits", text, "log once a second or faster")
     if not check.content["heating_switches"]:
         text = "has no heating switches (heat_a, heat_b): which spring is driven is read from the temperatures."
-        check.findings.append(Finding("log", "fine", text))
+        check.add("fine", text)
 
 
 def _look_at_pulses(check: LogCheck, reading: LogReading) -> None:
@@ -101,7 +101,7 @@ def _look_at_pulses(check: LogCheck, reading: LogReading) -> None:
         f"the readings scatter by {springs}: with a heater that is switched on and off the wire follows the peaks "
         "between readings, and they are too few to show them."
     )
-    check.findings.append(Finding("log", "limits", text, f"log {PLENTY} readings per pulse, or pulse faster"))
+    check.add("limits", text, f"log {PLENTY} readings per pulse, or pulse faster")
 
 
 def check_programme(
