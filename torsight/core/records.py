@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final
 
 import numpy as np
@@ -198,10 +198,6 @@ class SyncedTable(Columns, Shown):
                 do="correct that row",
             )
 
-    def _rows(self) -> dict[str, Any]:
-        angles = {"angle_rad": self.angle_rad, "angle_sigma_rad": self.angle_sigma_rad}
-        return {"time_s": self.time_s, **angles, **_temperature_columns(self)}
-
     def __len__(self) -> int:
         return len(self.time_s)
 
@@ -216,9 +212,9 @@ class SyncedTable(Columns, Shown):
 
     def at(self, rows: Flags) -> SyncedTable:
         """Return the table restricted to the rows of a mask (n,)."""
-        kept = {name: values[rows] for name, values in self._rows().items()}
-        extra = {name: kept.pop(name) for name in self.extra}
-        return replace(self, **kept, extra=extra)
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        kept: dict[str, Any] = {name: column[rows] for name, column in values.items() if isinstance(column, np.ndarray)}
+        return replace(self, **kept, extra={name: column[rows] for name, column in self.extra.items()})
 
     def _columns(self) -> dict[str, Any]:
         return merged_columns(self)

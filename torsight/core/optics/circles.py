@@ -50,13 +50,12 @@ class Sight:
         intrinsics: Intrinsics,
         *,
         shared_px2: Floats | None = None,
-        rotation: Floats | None = None,
-        shift: Floats | None = None,
+        **pose: Floats,
     ) -> Sight:
         """Return the sights of a camera at pixel positions (n, 2, 2).
 
         ``covariance_px2`` (n, 2, 2, 2) is each marker's own covariance; ``shared_px2`` (n,) is the variance along each
-        axis of an error that both markers share, such as that of a camera that moved.
+        axis of an error that both markers share, such as that of a camera that moved; ``pose`` is rotation and shift.
         """
         ray, slope = ray_from_pixel(position_px, intrinsics)
         seen = np.asarray(np.isfinite(ray).all(axis=-1))
@@ -70,9 +69,7 @@ class Sight:
         if shared_px2 is not None:
             both = slope.reshape(-1, 4, 2)
             covariance += shared_px2[:, None, None] * (both @ np.swapaxes(both, -1, -2))
-        return cls(
-            ray, covariance, np.eye(3) if rotation is None else rotation, np.zeros(3) if shift is None else shift
-        )
+        return cls(ray, covariance, **pose)
 
     @cached_property
     def seen(self) -> Flags:
