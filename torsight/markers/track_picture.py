@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from tracker.frames.source import Source
     from tracker.track import TrackResult
 
-_OVER_THE_FILM: Final = 4
-"""Frames beside the first one and the worst one, evenly spaced up to the last."""
 _GRID: Final = (225, 225, 225)
 
 
@@ -89,14 +87,14 @@ def chosen_frames(result: TrackResult, angles: StickAngles) -> list[Shown]:
         index = int(np.argmax(angles.sigma_rad))
         worst = Shown(index, f"worst: largest uncertainty, ± {angles.sigma_rad[index] / DEG:.3f}°")
     for part, index in enumerate(_evenly(count)[1:], 1):
-        shown.append(Shown(index, f"{100 * part // _OVER_THE_FILM} % of the film"))
+        shown.append(Shown(index, f"{25 * part} % of the film"))
     once = {one.index: one for one in [*reversed(shown), worst]}
     return [*sorted((one for one in once.values() if one is not worst), key=lambda one: one.index), worst]
 
 
 def _evenly(count: int) -> list[int]:
     """Return the first of ``count`` frames and four more up to the last, evenly spaced."""
-    return [round(part * (count - 1) / _OVER_THE_FILM) for part in range(_OVER_THE_FILM + 1)]
+    return [round(part * (count - 1) / 4) for part in range(5)]
 
 
 def _why(result: TrackResult, index: int) -> str:
