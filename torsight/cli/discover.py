@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 FILES: Final = ("discovery.json", "model.json", "curves.csv", "report.html")
 """Files that the command writes."""
-_MADE: Final = (*FILES, "next_experiment.csv")
 
 
 def discover(
@@ -107,7 +106,7 @@ def discover_to_folder(
     from torsight.discovery.discover import discover as find
     from torsight.discovery.together import discover_together
 
-    made = (*_MADE, *(curves_name(k) for k in range(1, len(merged))))
+    made = (*FILES, "next_experiment.csv", *(curves_name(k) for k in range(1, len(merged))))
     require_apart([out / name for name in made], [*merged, actuator])
     require_one_rig(merged)
     spec = read_actuator(actuator)

@@ -29,8 +29,7 @@ _MERGED = TABLE_KINDS["merged"].signs
 def write_angles(path: AnyPath, angles: StickAngles) -> None:
     """Write ``angle.csv``: one row per frame; angle and sigma are empty where not valid."""
     require_kind(angles, StickAngles, where="write_angles, angles", do="read_angles(path) gives one")
-    path = Path(path)
-    write_table(path, angle_columns(angles))
+    write_table(Path(path), angle_columns(angles))
 
 
 def frame_numbers(table: pd.DataFrame, *, path: Path) -> Ints:

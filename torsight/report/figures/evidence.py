@@ -118,8 +118,9 @@ def pulls(
     names = [name for name, prior in known.items() if prior.sigma and name in plain and not plain[name].get("fixed")]
     if not names:
         return None
-    fits = [(plain, "before", 0.17), (after, "after", -0.17)] if extended else [(plain, "before", 0.0)]
-    found = {(name, kind): known[name].pull(fit.get(name)) for name in names for fit, kind, _ in fits}
+    fits = [("plain", plain, "before", 0.17 if extended else 0.0)]
+    fits += [("extended", after, "after", -0.17)] if extended else []
+    found = {(name, kind): known[name].pull(fit.get(name)) for name in names for _, fit, kind, _ in fits}
     reach = common_reach(found.values())
     places = {name: float(len(names) - k) for k, name in enumerate(names)}
     plot = Panel(
@@ -131,7 +132,7 @@ def pulls(
     for width in (2.0, 1.0):
         plot.band(-width, width, "prior", label="± 1 and ± 2 standard deviations" if width == 1.0 else "")
     for name, place in places.items():
-        for fit, kind, shift in fits:
+        for label, fit, kind, shift in fits:
             pull = found[name, kind]
             if pull is None:
                 continue
@@ -139,12 +140,9 @@ def pulls(
             if ends is not None:
                 shown = np.clip(ends, -reach, reach)
                 plot.line(shown, [place + shift] * 2, f"{kind} interval", ordered=False)
-            plot.points(
-                [pull], [place + shift], kind, label="plain model" if kind == "before" else "extended model", radius=4.5
-            )
+            plot.points([pull], [place + shift], kind, label=f"{label} model", radius=4.5)
     data: dict[str, list[Any]] = {"parameter": names}
-    for fit, kind, _ in fits:
-        label = "plain" if kind == "before" else "extended"
+    for label, fit, kind, _ in fits:
         spreads = [known[name].interval(fit.get(name) or {}) for name in names]
         data[f"{label}_sigmas"] = [found[name, kind] for name in names]
         data[f"{label}_low_sigmas"] = [None if end is None else end[0] for end in spreads]
