@@ -7,5 +7,5 @@ import pytest
 
 def draw_no_plots(patch: pytest.MonkeyPatch) -> None:
     """Let a report go without drawing its plots, which takes most of its time."""
-    patch.setattr("torsight.report.write.drawing", lambda _: None)
+    patch.setattr("torsight.report.write.drawing", lambda _: "")
     patch.setattr("torsight.report.write.still", lambda _: "<svg></svg>")

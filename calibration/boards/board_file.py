@@ -18,8 +18,6 @@ from torsight.core.units import Floats
 
 KINDS: Final = ("chessboard", "charuco")
 DICTIONARIES: Final = tuple(f"DICT_{bits}X{bits}_{count}" for bits in (4, 5, 6, 7) for count in (50, 100, 250, 1000))
-_SMALLEST_MM: Final = 0.1
-"""Smallest side of a square: printed ones have 5 to 60 mm, 0.005 to 0.06 in metres, those on glass 0.25 mm and more."""
 _KEYS: Final = ("kind", "columns", "rows", "square_mm", "marker_mm", "dictionary", "legacy", "axis_mm")
 _CHARUCO_KEYS: Final = ("marker_mm", "dictionary", "legacy")
 
@@ -163,5 +161,5 @@ def board_from(table: Mapping[str, Any], *, where: str) -> Board:
 
 def _get_side(table: Mapping[str, Any], key: str, *, where: str) -> float:
     """Return the side of a square or of a marker, mm."""
-    hint = "give it in millimetres, not in metres"
-    return get_number(table, key, where=where, lower=_SMALLEST_MM, upper=1e4, hint=hint)
+    # Printed ones have 5 to 60 mm, 0.005 to 0.06 in metres, those on glass 0.25 mm and more.
+    return get_number(table, key, where=where, lower=0.1, upper=1e4, hint="give it in millimetres, not in metres")

@@ -6,6 +6,7 @@ below the board serves to check the printer's scale.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -221,38 +222,18 @@ def usual_board(kind: str, *, page: str = "a4") -> Board:
     return Board("charuco", columns=10, rows=7, square_mm=square_mm, marker_mm=marker_mm, dictionary="DICT_5X5_50")
 
 
-_STICKS: Final = ("base", "moving")
+def tag_pair(family: str, *, base_id: int, moving_id: int, side_mm: float) -> dict[str, Any]:
+    """Return a pair of tags as keys of ``MARKERS.toml``; a family or a number that does not exist is refused.
 
-
-@dataclass(frozen=True, slots=True)
-class TagPair:
-    """The sticks' tags: OpenCV's family without ``DICT_``, numbers of base and moving tag, side of the black square."""
-
-    family: str
-    ids: tuple[int, int]
-    side_mm: float
-
-    def content(self) -> dict[str, Any]:
-        """Return the tags as keys of ``MARKERS.toml``."""
-        base, moving = self.ids
-        return {
-            "kind": "tag",
-            "family": self.family,
-            "base_id": base,
-            "moving_id": moving,
-            "base_mm": self.side_mm,
-            "moving_mm": self.side_mm,
-        }
-
-
-def tag_pair(family: str, *, base_id: int, moving_id: int, side_mm: float) -> TagPair:
-    """Return a pair of tags; a family or a number that does not exist is refused."""
+    ``side_mm`` is the side of the black squares.
+    """
     name = f"DICT_{family.removeprefix('DICT_')}"
     if not isinstance(getattr(cv2.aruco, name, None), int):
         usual = "4X4_50, 5X5_50, 6X6_50, APRILTAG_16h5, APRILTAG_25h9, APRILTAG_36h11"
         raise ConfigError("is no family of tags", where="--family", value=family, limit=f"one of OpenCV's, as {usual}")
     count = len(dictionary_of(name).bytesList)
-    for option, number in (("--base-id", base_id), ("--moving-id", moving_id)):
+    ids = {"base_id": base_id, "moving_id": moving_id}
+    for option, number in zip(("--base-id", "--moving-id"), ids.values(), strict=True):
         if not 0 <= number < count:
             raise ConfigError("is no tag of this family", where=option, value=number, limit=f"0 to {count - 1}")
     if base_id == moving_id:
@@ -262,14 +243,15 @@ def tag_pair(family: str, *, base_id: int, moving_id: int, side_mm: float) -> Ta
             value=base_id,
             limit="two different numbers",
         )
-    return TagPair(name.removeprefix("DICT_"), (base_id, moving_id), side_mm)
+    return {"kind": "tag", "family": name.removeprefix("DICT_"), **ids, "base_mm": side_mm, "moving_mm": side_mm}
 
 
-def draw_tags(pair: TagPair, *, page: str = "a4") -> Drawing:
-    """Return both tags beside each other on a page, with ticks to cut along and a bar to check the scale."""
+def draw_tags(pair: Mapping[str, Any], *, page: str = "a4") -> Drawing:
+    """Return both tags of a pair (:func:`tag_pair`) on a page, with ticks to cut along and a bar to check the scale."""
     width_mm, height_mm = PAGES_MM[page]
-    border_mm = LAYOUT.tag_border * pair.side_mm / (dictionary_of(f"DICT_{pair.family}").markerSize + 2)
-    whole_mm = pair.side_mm + 2.0 * border_mm
+    family, side_mm = pair["family"], pair["base_mm"]
+    border_mm = LAYOUT.tag_border * side_mm / (dictionary_of(f"DICT_{family}").markerSize + 2)
+    whole_mm = side_mm + 2.0 * border_mm
     room_mm = (
         0.5 * width_mm - LAYOUT.margin_mm - 2.0 * LAYOUT.tick_mm,
         height_mm - 2.0 * LAYOUT.margin_mm - 4.0 * LAYOUT.line_mm,
@@ -278,22 +260,23 @@ def draw_tags(pair: TagPair, *, page: str = "a4") -> Drawing:
         raise ConfigError(
             f"the tags do not fit on a page {page}",
             where="--side-mm",
-            value=f"{pair.side_mm:g}, {whole_mm:.0f} mm with the white border",
-            limit=f"{min(room_mm) * pair.side_mm / whole_mm:.0f}",
+            value=f"{side_mm:g}, {whole_mm:.0f} mm with the white border",
+            limit=f"{min(room_mm) * side_mm / whole_mm:.0f}",
             do="take smaller tags or a larger --page",
         )
     shapes: list[Rectangle] = []
     words: list[Text] = []
     top = LAYOUT.margin_mm + 2.0 * LAYOUT.tick_mm
-    for place, (stick, number) in enumerate(zip(_STICKS, pair.ids, strict=True)):
+    for place, stick in enumerate(("base", "moving")):
+        number = pair[f"{stick}_id"]
         left = LAYOUT.margin_mm + LAYOUT.tick_mm + place * 0.5 * width_mm
-        shapes += draw_tag(f"DICT_{pair.family}", number, left + border_mm, top + border_mm, side_mm=pair.side_mm)
+        shapes += draw_tag(f"DICT_{family}", number, left + border_mm, top + border_mm, side_mm=side_mm)
         shapes += _ticks(left, top, whole_mm)
         below = top + whole_mm + LAYOUT.tick_mm + LAYOUT.line_mm
-        words.append(Text(left, below, f"{stick} stick: {pair.family}, number {number}"))
+        words.append(Text(left, below, f"{stick} stick: {family}, number {number}"))
         words.append(Text(left, below + LAYOUT.line_mm, "left edge towards the axis, top edge along the stick"))
     bar, label = check_bar(page)
-    foot = Text(LAYOUT.margin_mm, height_mm - LAYOUT.margin_mm, f"black squares of {pair.side_mm:g} mm; print at 100 %")
+    foot = Text(LAYOUT.margin_mm, height_mm - LAYOUT.margin_mm, f"black squares of {side_mm:g} mm; print at 100 %")
     return Drawing((width_mm, height_mm), (*shapes, bar), (*words, foot, label))
 
 

@@ -180,9 +180,6 @@ def _axis(board: Board, disk: DiskPose, seen: Seen) -> dict[str, Any]:
 
 _EMPTY: Final = "#f4d7d3"
 _ASIDE: Final = "#999999"
-_ARROW_SHARE: Final = 0.03
-"""Length of the arrow of the 95 % error, as a share of the picture's width: a quarter of the distance of the corners of
-a board of usual size that fills the picture, so that arrows do not touch."""
 
 
 def draw_coverage(path: Path, sides: list[tuple[str, Side]]) -> None:
@@ -215,7 +212,9 @@ def _draw_side(axes: Axes, name: str, side: Side) -> Any:
     corners = np.concatenate([view.corners_px for view in kept])
     residual = np.concatenate(side.lens.fit.residual_px)
     size = np.linalg.norm(residual, axis=1)
-    enlarged = _ARROW_SHARE * width / max(float(np.quantile(size, 0.95)), 1e-6)
+    # The arrow of the 95 % error has a quarter of the distance of the corners of a board of usual size that fills the
+    # picture, so that arrows do not touch.
+    enlarged = 0.03 * width / max(float(np.quantile(size, 0.95)), 1e-6)
     axes.quiver(
         corners[:, 0], corners[:, 1], residual[:, 0] * enlarged, residual[:, 1] * enlarged,
         angles="xy", scale_units="xy", scale=1.0, width=0.0015, color="#444444",

@@ -40,8 +40,6 @@ _WINDOW_PER_EDGE: Final = 3.0
 half this value corners err by a sixth more, with twice by 1 % less."""
 FEWEST_CORNERS: Final = 8
 """Least number of corners in a picture, or in both of a pair: twice those that determine a plane's pose."""
-_BLACK_CELL: Final = 1
-"""OpenCV's mark of a corner that is the top left one of a black cell; the square before it is black, too."""
 _STOP: Final = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
 
 
@@ -105,7 +103,8 @@ def _chessboard(grey: Grey, board: Board) -> tuple[Ints, Floats] | None:
     if not found:
         return None
     grid = np.asarray(corners, np.float64).reshape(board.rows, board.columns, 2)
-    grid = _oriented(grid, board, dark=bool(kinds[0, 0] == _BLACK_CELL))
+    # OpenCV marks a corner that is the top left one of a black cell by 1; the square before it is black, too.
+    grid = _oriented(grid, board, dark=bool(kinds[0, 0] == 1))
     return np.arange(grid.size // 2, dtype=np.int64), grid.reshape(-1, 2)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -111,35 +112,34 @@ def _device(path: Path) -> str:
 def _frames(path: Path, step: int) -> Iterator[Picture]:
     """Yield every ``step``-th frame of a film; packets that cannot be decoded are skipped."""
     digest = file_hash(path)
-    try:
-        with av.open(str(path)) as container:
-            stream = container.streams.video[0]
-            stream.thread_type = "AUTO"
-            for index, frame in enumerate(_decoded(container, stream)):
-                if index % step == 0:
-                    turned = np.rot90(frame.to_ndarray(format="gray"), k=int(frame.rotation or 0) // 90)
-                    grey = np.ascontiguousarray(turned)
-                    yield Picture(name=f"{path.name} frame {index}", grey=grey, sha256=digest, group=path.name)
-    except (av.error.FFmpegError, IndexError, OSError) as error:
-        raise _no_film(path, error) from error
+    with _opened(path) as (container, stream):
+        stream.thread_type = "AUTO"
+        for index, frame in enumerate(_decoded(container, stream)):
+            if index % step == 0:
+                turned = np.rot90(frame.to_ndarray(format="gray"), k=int(frame.rotation or 0) // 90)
+                grey = np.ascontiguousarray(turned)
+                yield Picture(name=f"{path.name} frame {index}", grey=grey, sha256=digest, group=path.name)
 
 
 def _frame_count(path: Path) -> int:
     """Return the number of frames, counted by packets: cheaper than decoding, and right where the header is wrong."""
+    with _opened(path) as (container, stream):
+        return sum(1 for packet in container.demux(stream) if packet.size)
+
+
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[tuple[Any, Any]]:
+    """Give the container of a film and its first stream of pictures; a file that cannot be decoded is refused."""
     try:
         with av.open(str(path)) as container:
-            return sum(1 for packet in container.demux(container.streams.video[0]) if packet.size)
+            yield container, container.streams.video[0]
     except (av.error.FFmpegError, IndexError, OSError) as error:
-        raise _no_film(path, error) from error
-
-
-def _no_film(path: Path, error: Exception) -> InputError:
-    return InputError(
-        f"is neither a picture nor a film that can be decoded ({error})",
-        where=str(path),
-        limit=f"a film, or a picture ({', '.join(PICTURE_SUFFIXES)})",
-        do="convert or record it again",
-    )
+        raise InputError(
+            f"is neither a picture nor a film that can be decoded ({error})",
+            where=str(path),
+            limit=f"a film, or a picture ({', '.join(PICTURE_SUFFIXES)})",
+            do="convert or record it again",
+        ) from error
 
 
 def _decoded(container: Any, stream: Any) -> Iterator[Any]:

@@ -176,7 +176,7 @@ def test_what_others_keep_in_the_figures_folder_stays(run: Path) -> None:
 
 def test_every_figure_stands_alone_beside_the_page_with_its_numbers(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # Only the files beside the page are looked at; its interactive plots are those of test_report_drawn.py.
-    monkeypatch.setattr("torsight.report.write.drawing", lambda _: None)
+    monkeypatch.setattr("torsight.report.write.drawing", lambda _: "")
     rewrite(
         run,
         "discovery",

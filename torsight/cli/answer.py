@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Final
 
-import typer
+from typer import Option
 
 from torsight.cli.checkup.install import own_packages
 from torsight.core.errors import ConfigError, TorsightError
@@ -49,34 +49,29 @@ def answering(command: Callable[..., Answer | None], *, name: str) -> Callable[.
             # Its reader refuses an unreadable input, as it does any other that cannot be used (exit code 3).
             given.readable = False
     run = _writable_first(own_packages()(command), signature)
-    if signature.return_annotation is not Answer:
-
-        @functools.wraps(command)
-        def plain(*arguments: Any, **options: Any) -> int:
-            run(*arguments, **options)
-            return 0
-
-        return plain
 
     @functools.wraps(command)
-    def answered(*arguments: Any, as_json: bool, **options: Any) -> int:
+    def answered(*arguments: Any, as_json: bool = False, **options: Any) -> int:
         try:
             answer = run(*arguments, **options)
         except TorsightError as error:
             if as_json:
                 _put(name, exit_code=error.exit_code, error=_error_content(error))
             raise
-        assert answer is not None  # noqa: S101 - for the type checker: the annotation says so
+        if answer is None:
+            return 0
         if as_json:
             files = {path.name: str(path) for path in answer.files}
             _put(name, exit_code=answer.exit_code, files=files, result=answer.result)
         return answer.exit_code
 
+    if signature.return_annotation is not Answer:
+        return answered
     option = inspect.Parameter(
         "as_json",
         inspect.Parameter.KEYWORD_ONLY,
         default=False,
-        annotation=Annotated[bool, typer.Option("--json", help="Answer with one JSON object on standard output.")],
+        annotation=Annotated[bool, Option("--json", help="Answer with one JSON object on standard output.")],
     )
     parameters = [*signature.parameters.values(), option]
     answered.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
@@ -16,16 +16,15 @@ from torsight.core.words.wording import verdict_sentence
 
 
 def batch(
-    sources: Annotated[list[str], typer.Argument(metavar="FOLDER_OR_GLOB…", help="Where the experiments are.")],
+    sources: Annotated[list[str], Argument(metavar="FOLDER_OR_GLOB…", help="Where the experiments are.")],
     *,
-    out: Annotated[Path, typer.Option(help="Folder for the results.")],
-    jobs: Annotated[int, typer.Option(help="Processes on this machine; -1 is one per core.")] = -1,
+    out: Annotated[Path, Option(help="Folder for the results.")],
+    jobs: Annotated[int, Option(help="Processes on this machine; -1 is one per core.")] = -1,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="A running Dask scheduler that does the work instead.")
+        str | None, Option(metavar="ADDRESS", help="A running Dask scheduler that does the work instead.")
     ] = None,
     timeout: Annotated[
-        float | None,
-        typer.Option(metavar="S", help="Longest time for one experiment; one that takes longer has failed."),
+        float | None, Option(metavar="S", help="Longest time for one experiment; one that takes longer has failed.")
     ] = None,
 ) -> Answer:
     """Run many experiments and make one table of their results.

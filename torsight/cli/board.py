@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import say
@@ -13,28 +13,25 @@ from torsight.core.errors import ConfigError
 from torsight.core.files.storage import write_text
 
 if TYPE_CHECKING:
-    from calibration.boards.board_file import Board
-    from calibration.boards.printing import Drawing, TagPair
+    from calibration.boards.printing import Drawing
 
 
 def board(
     description: Annotated[
-        Path | None, typer.Argument(metavar="BOARD.toml", help="The board; by default one that fits the page.")
+        Path | None, Argument(metavar="BOARD.toml", help="The board; by default one that fits the page.")
     ] = None,
     *,
     out: Annotated[
-        Path, typer.Option(metavar="FILE.svg", help="File to write: .svg or .pdf at true scale (a .png comes with it).")
+        Path, Option(metavar="FILE.svg", help="File to write: .svg or .pdf at true scale (a .png comes with it).")
     ],
-    page: Annotated[str, typer.Option(help="Page: a5, a4, a3, a2, letter or tabloid.")] = "a4",
-    kind: Annotated[str, typer.Option(help="Without BOARD.toml: charuco or chessboard.")] = "charuco",
-    dpi: Annotated[float, typer.Option(help="Pixels per inch of the .png.", min=30.0, max=2400.0)] = 300.0,
-    tags: Annotated[bool, typer.Option("--tags", help="A pair of tags for the sticks instead of a board.")] = False,
-    family: Annotated[str, typer.Option(help="With --tags: OpenCV's dictionary.")] = "4X4_50",
-    base_id: Annotated[int, typer.Option(help="With --tags: number of the base stick's tag.")] = 0,
-    moving_id: Annotated[int, typer.Option(help="With --tags: number of the moving stick's tag.")] = 1,
-    side_mm: Annotated[
-        float, typer.Option(help="With --tags: side of the black squares, mm.", min=3.0, max=500.0)
-    ] = 20.0,
+    page: Annotated[str, Option(help="Page: a5, a4, a3, a2, letter or tabloid.")] = "a4",
+    kind: Annotated[str, Option(help="Without BOARD.toml: charuco or chessboard.")] = "charuco",
+    dpi: Annotated[float, Option(help="Pixels per inch of the .png.", min=30.0, max=2400.0)] = 300.0,
+    tags: Annotated[bool, Option("--tags", help="A pair of tags for the sticks instead of a board.")] = False,
+    family: Annotated[str, Option(help="With --tags: OpenCV's dictionary.")] = "4X4_50",
+    base_id: Annotated[int, Option(help="With --tags: number of the base stick's tag.")] = 0,
+    moving_id: Annotated[int, Option(help="With --tags: number of the moving stick's tag.")] = 1,
+    side_mm: Annotated[float, Option(help="With --tags: side of the black squares, mm.", min=3.0, max=500.0)] = 20.0,
 ) -> Answer:
     """Make a board to print for 'torsight calibrate'.
 
@@ -54,7 +51,6 @@ def board(
     for name, value, allowed in (("--page", page, tuple(PAGES_MM)), ("--kind", kind, KINDS)):
         if value not in allowed:
             raise ConfigError(f"{name} is not known", where="torsight board", value=value, limit=", ".join(allowed))
-    made: Board | TagPair
     if tags:
         if description is not None:
             raise ConfigError(
@@ -63,11 +59,11 @@ def board(
                 value=str(description),
                 do="leave out either --tags or the board's file",
             )
-        made = tag_pair(family, base_id=base_id, moving_id=moving_id, side_mm=side_mm)
-        drawing = draw_tags(made, page=page)
-        words = f"Tags            {made.family}, numbers {base_id} (base) and {moving_id} (moving), black squares of"
+        content = tag_pair(family, base_id=base_id, moving_id=moving_id, side_mm=side_mm)
+        drawing = draw_tags(content, page=page)
+        numbers = f"numbers {base_id} (base) and {moving_id} (moving)"
         lines = (
-            f"{words} {side_mm:g} mm",
+            f"Tags            {content['family']}, {numbers}, black squares of {side_mm:g} mm",
             (
                 "Print at 100 %, measure a black square and put its true side into the .toml; cut along the ticks: "
                 "the white border belongs to the tag."
@@ -75,15 +71,14 @@ def board(
         )
     else:
         made = read_board(description) if description else usual_board(kind, page=page)
-        drawing = draw_board(made, page=page)
+        content, drawing = made.content(), draw_board(made, page=page)
         lines = (
             f"Board           {made.describe()}, squares of {made.square_mm:g} mm, page {page}",
             "Print at 100 %, measure the bar of 100 mm and a square, glue it on something flat and stiff.",
         )
-    files = _write(out, drawing, dpi=dpi, toml=tomli_w.dumps(made.content()) if description is None else "")
-    for line in (lines[0], *(f"                {path}" for path in files), lines[1]):
-        say(line)
-    return Answer(made.content(), files=tuple(files))
+    files = _write(out, drawing, dpi=dpi, toml=tomli_w.dumps(content) if description is None else "")
+    say(lines[0], *(f"                {path}" for path in files), lines[1])
+    return Answer(content, files=tuple(files))
 
 
 def _write(out: Path, drawing: Drawing, *, dpi: float, toml: str) -> list[Path]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 from typer.core import TyperCommand
 
 from torsight.cli.answer import Answer
@@ -53,41 +53,36 @@ def _spread(words: list[str]) -> list[str]:
 def calibrate(
     images: Annotated[
         list[Path] | None,
-        typer.Argument(
+        Argument(
             metavar="IMAGES...", help="Pictures, folders or globs of them, or films, of the board.", show_default=False
         ),
     ] = None,
     *,
-    board: Annotated[
-        Path | None, typer.Option(metavar="BOARD.toml", help="The board; 'torsight board' makes one.")
-    ] = None,
-    out: Annotated[Path, typer.Option(metavar="CAMERA.toml", help="The camera file to write.")],
+    board: Annotated[Path | None, Option(metavar="BOARD.toml", help="The board; 'torsight board' makes one.")] = None,
+    out: Annotated[Path, Option(metavar="CAMERA.toml", help="The camera file to write.")],
     right: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="IMAGES...", help="The right camera's pictures or film, in the same order."),
+        list[Path] | None, Option(metavar="IMAGES...", help="The right camera's pictures or film, in the same order.")
     ] = None,
     pose: Annotated[
         list[Path] | None,
-        typer.Option(
+        Option(
             metavar="IMAGES...",
             help="The board lying on the disk: one picture, or several with the disk turned in between.",
         ),
     ] = None,
     camera: Annotated[
         Path | None,
-        typer.Option(metavar="CAMERA.toml", help="A camera that is known, to add a pose to; then without IMAGES."),
+        Option(metavar="CAMERA.toml", help="A camera that is known, to add a pose to; then without IMAGES."),
     ] = None,
     tracks: Annotated[
         Path | None,
-        typer.Option(
-            metavar="MARKERS.csv", help="With --camera: the axis from the markers' circles in a 'torsight track'."
-        ),
+        Option(metavar="MARKERS.csv", help="With --camera: the axis from the markers' circles in a 'torsight track'."),
     ] = None,
     stick_mm: Annotated[
-        float | None, typer.Option(min=1e-3, help="With --tracks: distance of the moving stick's markers.")
+        float | None, Option(min=1e-3, help="With --tracks: distance of the moving stick's markers.")
     ] = None,
-    base_z_mm: Annotated[float, typer.Option(help="Height of the base stick's markers above the board.")] = 0.0,
-    moving_z_mm: Annotated[float, typer.Option(help="Height of the moving stick's markers above the board.")] = 0.0,
+    base_z_mm: Annotated[float, Option(help="Height of the base stick's markers above the board.")] = 0.0,
+    moving_z_mm: Annotated[float, Option(help="Height of the moving stick's markers above the board.")] = 0.0,
 ) -> Answer:
     """Calibrate one camera or two from pictures of a board.
 
@@ -97,22 +92,14 @@ def calibrate(
 
     Example: torsight calibrate left*.jpg --board board.toml --right right*.jpg --out camera.toml
     """
+    heights_mm = (base_z_mm, moving_z_mm)
     if tracks is not None:
-        lines = _add_circles(tracks, camera, stick_mm=stick_mm, heights_mm=(base_z_mm, moving_z_mm), out=out)
+        lines = _add_circles(tracks, camera, stick_mm=stick_mm, heights_mm=heights_mm, out=out)
     else:
-        with progress_bar() as progress:
-            lines = _calibrate_to_file(
-                images or [],
-                board,
-                right=right or [],
-                pose=pose or [],
-                camera=camera,
-                heights_mm=(base_z_mm, moving_z_mm),
-                out=out,
-                progress=progress,
-            )
-    for line in [*lines, f"Camera file     {out}"]:
-        say(line)
+        lines = _calibrate_to_file(
+            images or [], board, right=right or [], pose=pose or [], camera=camera, heights_mm=heights_mm, out=out
+        )
+    say(*lines, f"Camera file     {out}")
     made = [out, *([_coverage_of(out)] if images and tracks is None else [])]
     return Answer(read_toml(out), files=made)
 
@@ -131,7 +118,6 @@ def _calibrate_to_file(
     camera: Path | None,
     heights_mm: tuple[float, float],
     out: Path,
-    progress: Progress,
 ) -> list[str]:
     """Write the camera file and the picture of the coverage; return the lines for the terminal.
 
@@ -148,12 +134,13 @@ def _calibrate_to_file(
     require_apart([out, picture], [board, camera, *images, *right, *pose])
     chosen = read_board(board)
     known = read_camera(camera) if camera else None
-    if right:
-        result = calibrate_two(images, right, chosen, progress=progress)
-    else:
-        result = calibrate_one(images, chosen, progress=progress) if images else Calibration(chosen)
-    if pose:
-        result = _with_axis(result, pose, known, heights_mm=heights_mm, progress=progress)
+    with progress_bar() as progress:
+        if right:
+            result = calibrate_two(images, right, chosen, progress=progress)
+        else:
+            result = calibrate_one(images, chosen, progress=progress) if images else Calibration(chosen)
+        if pose:
+            result = _with_axis(result, pose, known, heights_mm=heights_mm, progress=progress)
     _write_camera(out, camera_of(result, known), account(result, earlier=dict(known.extra) if known else None))
     lines = summary(result)
     if result.left is not None:

@@ -18,7 +18,7 @@ import numpy as np
 from torsight.cli.discover import explain_together
 from torsight.cli.experiment_file import Experiment, read_experiment
 from torsight.cli.run import TOGETHER, UNFINISHED, provenance_of, run_experiment
-from torsight.cli.workers import run_limited
+from torsight.cli.workers import on_cluster, on_this_machine, run_limited
 from torsight.core.errors import InputError, NoResultError, TorsightError, refused_by_system
 from torsight.core.files.paths import matching
 from torsight.core.files.provenance import file_hash
@@ -139,13 +139,9 @@ def run_campaign(
 
     The tasks run in ``jobs`` processes on this machine (-1: one per core), or on the Dask scheduler at an address.
     """
-    from torsight.cli import workers
-
     rows: dict[str, dict[str, Any]] = {}
     progress("experiments", 0, len(todo))
-    found = (
-        workers.on_cluster(run_task, todo, scheduler) if scheduler else workers.on_this_machine(run_task, todo, jobs)
-    )
+    found = on_cluster(run_task, todo, scheduler) if scheduler else on_this_machine(run_task, todo, jobs)
     for row in found:
         rows[row["name"]] = row
         progress("experiments", len(rows), len(todo))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
@@ -14,9 +14,9 @@ from torsight.core.files.storage import write_json, write_text
 
 
 def characterise(
-    tests: Annotated[Path, typer.Argument(metavar="TESTS.toml", help="Geometry and the logs of the four tests.")],
+    tests: Annotated[Path, Argument(metavar="TESTS.toml", help="Geometry and the logs of the four tests.")],
     *,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")],
+    out: Annotated[Path, Option(metavar="DIR", help="Folder for the results.")],
 ) -> Answer:
     """Make an actuator.toml from a spring's four tests.
 

@@ -73,7 +73,7 @@ def command(*words: object) -> str:
     return shlex.join(["torsight", *map(str, words)])
 
 
-def say(text: str) -> None:
-    """Print one line for the person at the terminal (standard error; results go to files)."""
-    sys.stderr.write(text + "\n")
+def say(*lines: str) -> None:
+    """Print lines for the person at the terminal (standard error; results go to files)."""
+    sys.stderr.writelines(f"{line}\n" for line in lines)
     sys.stderr.flush()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
@@ -14,9 +14,7 @@ from torsight.cli.options import OpenView
 
 
 def demo(
-    *,
-    out: Annotated[Path, typer.Option(help="Folder for the film and the results.")] = Path("demo"),
-    view: OpenView = False,
+    *, out: Annotated[Path, Option(help="Folder for the film and the results.")] = Path("demo"), view: OpenView = False
 ) -> Answer:
     """Film a synthetic rig with a hidden effect and analyse it.
 

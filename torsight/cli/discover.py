@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-import typer
+from typer import Argument, Option
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
@@ -24,23 +24,22 @@ if TYPE_CHECKING:
 
 FILES: Final = ("discovery.json", "model.json", "curves.csv", "report.html")
 """Files that the command writes."""
-_MADE: Final = (*FILES, "next_experiment.csv")
 
 
 def discover(
     merged: Annotated[
         list[Path],
-        typer.Argument(
+        Argument(
             metavar="MERGED.csv…",
             help="Angle and temperatures on one clock; several records of one rig in their order.",
         ),
     ],
     *,
     actuator: ActuatorFile,
-    out: Annotated[Path, typer.Option(help="Folder for the results.")],
+    out: Annotated[Path, Option(help="Folder for the results.")],
     seed: Seed = 0,
     export_effect: Annotated[
-        Path | None, typer.Option(metavar="FILE.py", help="Write the strongest measured law as an effect.")
+        Path | None, Option(metavar="FILE.py", help="Write the strongest measured law as an effect.")
     ] = None,
 ) -> Answer:
     """Find what the quasi-static model lacks.
@@ -64,9 +63,7 @@ def discover(
     content = read_json(out / "discovery.json")
     verdict = verdict_sentence(content)
     notes = [f"Note              {in_symbols(note)}" for note in report.notes if note not in verdict]
-    for line in (*attention(content), *discovery_lines(content), *notes):
-        say(line)
-    say(f"Report            {out / 'report.html'}")
+    say(*attention(content), *discovery_lines(content), *notes, f"Report            {out / 'report.html'}")
     if export_effect is not None:
         say(f"Effect            {export_effect}")
     say(f"Results           {out}")
@@ -109,7 +106,7 @@ def discover_to_folder(
     from torsight.discovery.discover import discover as find
     from torsight.discovery.together import discover_together
 
-    made = (*_MADE, *(curves_name(k) for k in range(1, len(merged))))
+    made = (*FILES, "next_experiment.csv", *(curves_name(k) for k in range(1, len(merged))))
     require_apart([out / name for name in made], [*merged, actuator])
     require_one_rig(merged)
     spec = read_actuator(actuator)

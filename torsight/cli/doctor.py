@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
+from typer import Argument
 
 from torsight.cli.answer import Answer
 from torsight.cli.checkup.finding import Finding, exit_code, ordered, verdict
@@ -16,7 +16,7 @@ from torsight.cli.options import Columns, Fps, Units, said
 def doctor(
     inputs: Annotated[
         list[str],
-        typer.Argument(
+        Argument(
             metavar="EXPERIMENT.toml|FILES…",
             help="An experiment, or any of: film, TEMPS.csv, ACTUATOR.toml, CAMERA.toml, MARKERS.toml.",
         ),
@@ -42,8 +42,7 @@ def doctor(
     with progress_bar() as progress:
         findings, content = examine(chosen, progress=progress)
     findings = ordered([*findings, *check_install()])
-    for line in verdict_lines(findings):
-        say(line)
+    say(*verdict_lines(findings))
     result = {"verdict": verdict(findings), "findings": [item.to_json() for item in findings], **content}
     return Answer(result, exit_code=exit_code(findings))
 

@@ -245,12 +245,9 @@ def _together(table: Mapping[str, Any], files: _Files, *, where: str) -> bool | 
 
 def _films(table: Mapping[str, Any], files: _Files, *, where: str) -> tuple[str, str | None]:
     value = table.get("path")
-    names = [value] if isinstance(value, str) else value
-    if (
-        not isinstance(names, list)
-        or len(names) not in (1, 2)
-        or not all(isinstance(n, str) and n.strip() for n in names)
-    ):
+    names: Any = [value] if isinstance(value, str) else value
+    known = isinstance(names, list) and all(isinstance(name, str) and name.strip() for name in names)
+    if not known or len(names) not in (1, 2):
         raise ConfigError(
             "'path' names no film", where=where, value=repr(value), limit="a text, or a list of two for left and right"
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
@@ -28,15 +28,13 @@ def _effect_ids(begun: str) -> list[str]:
 
 
 def fit(
-    merged: Annotated[Path, typer.Argument(metavar="MERGED.csv", help="Angle and temperatures on one clock.")],
+    merged: Annotated[Path, Argument(metavar="MERGED.csv", help="Angle and temperatures on one clock.")],
     *,
     actuator: ActuatorFile,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for fit.json and model.json.")],
+    out: Annotated[Path, Option(metavar="DIR", help="Folder for fit.json and model.json.")],
     effect: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="ID", autocompletion=_effect_ids, help="An effect to fit as well; may be given more than once."
-        ),
+        Option(metavar="ID", autocompletion=_effect_ids, help="An effect to fit as well; may be given more than once."),
     ] = None,
 ) -> Answer:
     """Fit friction torque and characterised values to a record.

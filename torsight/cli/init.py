@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import command, say
@@ -14,9 +14,9 @@ from torsight.core.files.storage import write_text
 
 
 def init(
-    folder: Annotated[Path, typer.Argument(help="Folder for the two files.")] = Path(),
+    folder: Annotated[Path, Argument(help="Folder for the two files.")] = Path(),
     *,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
+    force: Annotated[bool, Option("--force", help="Overwrite existing files.")] = False,
 ) -> Answer:
     """Write an experiment.toml and an actuator.toml to fill in.
 

@@ -9,7 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-import typer
+from typer import Argument, Option
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import say
@@ -32,33 +32,27 @@ WINDOW_MEMORY: Final = "1GB"
 
 
 def live(
-    source: Annotated[
-        str, typer.Argument(metavar="SOURCE", help="Number of a camera, stream on this computer, or film.")
-    ],
+    source: Annotated[str, Argument(metavar="SOURCE", help="Number of a camera, stream on this computer, or film.")],
     *,
-    temperature: Annotated[Path, typer.Option(metavar="TEMPS.csv", help="Temperature log, followed as it grows.")],
+    temperature: Annotated[Path, Option(metavar="TEMPS.csv", help="Temperature log, followed as it grows.")],
     actuator: Annotated[
-        Path | None, typer.Option(metavar="ACTUATOR.toml", help="Shows the model's angle, residual and friction.")
+        Path | None, Option(metavar="ACTUATOR.toml", help="Shows the model's angle, residual and friction.")
     ] = None,
     camera: CameraFile = None,
-    markers: Annotated[
-        Path | None, typer.Option(metavar="MARKERS.toml", help="Marker positions in the first frame.")
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for the record; by default one named after date and time.")
-    ] = None,
-    speed: Annotated[float, typer.Option(help="How much faster than its own pace a film plays.")] = 1.0,
-    grows: Annotated[bool, typer.Option("--grows", help="The film is still being written: wait for more.")] = False,
+    markers: Annotated[Path | None, Option(metavar="MARKERS.toml", help="Marker positions in the first frame.")] = None,
+    out: Annotated[Path | None, Option(help="Folder for the record; by default one named after date and time.")] = None,
+    speed: Annotated[float, Option(help="How much faster than its own pace a film plays.")] = 1.0,
+    grows: Annotated[bool, Option("--grows", help="The film is still being written: wait for more.")] = False,
     fps: Fps = None,
     offset_s: Annotated[
-        float | None, typer.Option(help="Log's time minus film's time; by default from the arrival of rows.")
+        float | None, Option(help="Log's time minus film's time; by default from the arrival of rows.")
     ] = None,
     columns: Columns = None,
     units: Units = None,
     serve: Serve = False,
-    viewer: Annotated[bool, typer.Option(help="Open the viewer's window.")] = True,
+    viewer: Annotated[bool, Option(help="Open the viewer's window.")] = True,
     port: Annotated[
-        int | None, typer.Option(min=0, max=65535, help="Port for viewers; 9876 where it is free, 0 takes any.")
+        int | None, Option(min=0, max=65535, help="Port for viewers; 9876 where it is free, 0 takes any.")
     ] = None,
     web_port: WebPort = None,
 ) -> Answer:
@@ -108,8 +102,7 @@ def live(
             say(f"waiting for {temperature}: it is followed as soon as it exists")
         with _screens(feed, browser_port=ports[1] if serve else None, window=viewer):
             outcome = session.run(stop)
-    for line in summary(outcome, folder):
-        say(line)
+    say(*summary(outcome, folder))
     files = [folder / name for name in FILES]
     return Answer(read_json(folder / "live.json"), files=[path for path in files if path.exists()])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-import typer
+from typer import Argument, Option
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import command, say
@@ -20,21 +20,19 @@ _OUT: Final = Path("markers.toml")
 
 
 def markers(
-    video: Annotated[str, typer.Argument(metavar="VIDEO", help="Film, or folder or glob of pictures.")],
+    video: Annotated[str, Argument(metavar="VIDEO", help="Film, or folder or glob of pictures.")],
     *,
-    out: Annotated[
-        Path | None, typer.Option(metavar="MARKERS.toml", help="File to write; markers.toml otherwise.")
-    ] = None,
+    out: Annotated[Path | None, Option(metavar="MARKERS.toml", help="File to write; markers.toml otherwise.")] = None,
     preview: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             metavar="PICTURE.png",
             help="No page: draw the first frame with a grid and what was found; with --out, write that as well.",
         ),
     ] = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page; 0 takes any that is free.")] = 0,
-    wait: Annotated[float, typer.Option(min=1.0, help="Seconds to wait for a browser to open the page.")] = 120.0,
-    no_open: Annotated[bool, typer.Option("--no-open", help="Print the page's address, open no browser.")] = False,
+    port: Annotated[int, Option(min=0, max=65535, help="Port of the page; 0 takes any that is free.")] = 0,
+    wait: Annotated[float, Option(min=1.0, help="Seconds to wait for a browser to open the page.")] = 120.0,
+    no_open: Annotated[bool, Option("--no-open", help="Print the page's address, open no browser.")] = False,
 ) -> Answer:
     """Pick the four markers on a page in the browser.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Final
 
-import typer
+from typer import Argument, Option
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
@@ -21,10 +21,10 @@ FAILURES: Final = "model_errors.txt"
 
 
 def missing(
-    model: Annotated[Path, typer.Argument(metavar="MODEL.py", help="Model file: predict, parameters, output, …")],
-    records: Annotated[list[Path], typer.Argument(metavar="RECORD…", help="Tables, CSV or Parquet, of one rig.")],
+    model: Annotated[Path, Argument(metavar="MODEL.py", help="Model file: predict, parameters, output, …")],
+    records: Annotated[list[Path], Argument(metavar="RECORD…", help="Tables, CSV or Parquet, of one rig.")],
     *,
-    out: Annotated[Path, typer.Option(help="Folder for the results.")],
+    out: Annotated[Path, Option(help="Folder for the results.")],
     seed: Seed = 0,
 ) -> Answer:
     """Find what a model of your own lacks.
@@ -74,8 +74,7 @@ def missing(
     say(found.summary())
     if found.failures:
         say(f"Tracebacks        {out / FAILURES}")
-    say(f"Report            {out / 'report.html'}")
-    say(f"Results           {out}")
+    say(f"Report            {out / 'report.html'}", f"Results           {out}")
     made = [*FILES, *(law.csv_name for law in chosen), *([FAILURES] if found.failures else [])]
     return Answer(found.to_json(), files=tuple(out / name for name in made))
 

@@ -5,32 +5,30 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, TypedDict
 
-import typer
+from typer import Option
 
-ActuatorFile = Annotated[Path, typer.Option(metavar="ACTUATOR.toml", help="Characterised values of the rig.")]
-CameraFile = Annotated[Path | None, typer.Option(metavar="CAMERA.toml", help="Calibrated camera.")]
+ActuatorFile = Annotated[Path, Option(metavar="ACTUATOR.toml", help="Characterised values of the rig.")]
+CameraFile = Annotated[Path | None, Option(metavar="CAMERA.toml", help="Calibrated camera.")]
 Fps = Annotated[
-    float | None,
-    typer.Option(metavar="HZ", help="Frames a second of pictures, or at which a slow-motion film was captured."),
+    float | None, Option(metavar="HZ", help="Frames a second of pictures, or at which a slow-motion film was captured.")
 ]
-OpenView = Annotated[bool, typer.Option("--view", help="Open the recording in Rerun at the end.")]
-Seed = Annotated[int, typer.Option(help="Seed of every random draw.", min=0)]
-Serve = Annotated[bool, typer.Option("--serve", help="Show the recording in a browser on this computer.")]
+OpenView = Annotated[bool, Option("--view", help="Open the recording in Rerun at the end.")]
+Seed = Annotated[int, Option(help="Seed of every random draw.", min=0)]
+Serve = Annotated[bool, Option("--serve", help="Show the recording in a browser on this computer.")]
 WebPort = Annotated[
-    int | None, typer.Option(min=0, max=65535, help="Port for the browser; 9090 where it is free, 0 takes any.")
+    int | None, Option(min=0, max=65535, help="Port for the browser; 9090 where it is free, 0 takes any.")
 ]
 
 Columns = Annotated[
     str | None,
-    typer.Option(
+    Option(
         "--columns",
         metavar="KEY=NAME,…",
         help='Columns of the log by name: "time=Time,a=Temp A (°C),b=Temp B (°C)"; also date, heat_a, heat_b.',
     ),
 ]
 Units = Annotated[
-    str | None,
-    typer.Option("--units", metavar="KEY=UNIT,…", help='Units that the log does not state: "time=ms,a=°F,b=°F".'),
+    str | None, Option("--units", metavar="KEY=UNIT,…", help='Units that the log does not state: "time=ms,a=°F,b=°F".')
 ]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
@@ -13,8 +13,8 @@ from torsight.cli.console import progress_bar, say
 
 def paper(
     *,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the figures.")],
-    seed: Annotated[int, typer.Option(help="Seed of the scatter in figures 9 to 12.")] = 0,
+    out: Annotated[Path, Option(metavar="DIR", help="Folder for the figures.")],
+    seed: Annotated[int, Option(help="Seed of the scatter in figures 9 to 12.")] = 0,
 ) -> Answer:
     """Draw the figures of the paper with the model.
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
@@ -20,26 +20,21 @@ if TYPE_CHECKING:
     from torsight.actuator.effects import Effect
     from torsight.actuator.model import ActuatorModel
 
-_MOST_NAMED: Final = 3
-"""Largest number of other explanations named in the note."""
-
 
 def predict(
-    model: Annotated[
-        Path, typer.Argument(metavar="MODEL.json", help="Model of 'torsight fit', 'discover' or 'missing'.")
-    ],
+    model: Annotated[Path, Argument(metavar="MODEL.json", help="Model of 'torsight fit', 'discover' or 'missing'.")],
     temperature: Annotated[
-        Path, typer.Argument(metavar="RECORD.csv", help="Temperatures of both springs; or a record of one's own model.")
+        Path, Argument(metavar="RECORD.csv", help="Temperatures of both springs; or a record of one's own model.")
     ],
     *,
     start_angle: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Measured angle at the first row, degrees (actuator only).")
+        float | None, Option(metavar="DEG", help="Measured angle at the first row, degrees (actuator only).")
     ] = None,
     initial: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Initial state of the record (own models only); may be repeated."),
+        Option(metavar="NAME=VALUE", help="Initial state of the record (own models only); may be repeated."),
     ] = None,
-    out: Annotated[Path, typer.Option(metavar="FILE.csv", help="Table to write (.csv or .parquet).")],
+    out: Annotated[Path, Option(metavar="FILE.csv", help="Table to write (.csv or .parquet).")],
     columns: Columns = None,
     units: Units = None,
 ) -> Answer:
@@ -85,10 +80,11 @@ def predict(
     ]
     others.sort(key=lambda other: -other[1])
     if others:
-        named = [f"{_named(acting)} ({100.0 * share:.0f} %)" for acting, share in others[:_MOST_NAMED]]
-        more = [f"{len(others) - _MOST_NAMED} more"] if len(others) > _MOST_NAMED else []
+        named = [f"{_named(acting)} ({100.0 * share:.0f} %)" for acting, share in others]
+        more = len(named[3:])
+        named[3:] = [f"{more} more"] if more else []
         say(
-            f"the record's explanation may be another one than {_named(own)}: {', '.join(named + more)}; "
+            f"the record's explanation may be another one than {_named(own)}: {', '.join(named)}; "
             "angle_sigma_deg is wide where they predict something else"
         )
     return write_angles_of(out, log, found.simulation, angle_rad=found.angle_rad, sigma_rad=found.sigma_rad)

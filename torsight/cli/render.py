@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import command, progress_bar, say
@@ -14,12 +14,12 @@ from torsight.core.files.storage import read_toml
 
 
 def render(
-    scene: Annotated[Path, typer.Argument(help="Scene file; keys that it leaves out have the reference rig's values.")],
-    out: Annotated[Path, typer.Option(help="Folder for film, log and truth.")],
+    scene: Annotated[Path, Argument(help="Scene file; keys that it leaves out have the reference rig's values.")],
+    out: Annotated[Path, Option(help="Folder for film, log and truth.")],
     *,
-    seed: Annotated[int | None, typer.Option(min=0, help="Replaces the scene's seed.")] = None,
+    seed: Annotated[int | None, Option(min=0, help="Replaces the scene's seed.")] = None,
     record: Annotated[
-        bool, typer.Option("--record", help="No film: merged.csv and actuator.toml, for fit and discover.")
+        bool, Option("--record", help="No film: merged.csv and actuator.toml, for fit and discover.")
     ] = False,
 ) -> Answer:
     """Film a synthetic rig whose angles are known.

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Final
 
-import typer
+from typer import Argument, Option
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
@@ -30,15 +30,13 @@ from torsight.core.progress import Progress, silent
 
 def run(
     experiment: Annotated[
-        Path | None, typer.Argument(metavar="EXPERIMENT.toml", help="The experiment file, or the folder that holds it.")
+        Path | None, Argument(metavar="EXPERIMENT.toml", help="The experiment file, or the folder that holds it.")
     ] = None,
     *,
-    out: Annotated[Path | None, typer.Option(help="Folder for the results; [output] dir otherwise.")] = None,
+    out: Annotated[Path | None, Option(help="Folder for the results; [output] dir otherwise.")] = None,
     view: OpenView = False,
-    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted run.")] = False,
-    from_: Annotated[
-        Path | None, typer.Option("--from", metavar="PROVENANCE.json", help="Repeat a finished run.")
-    ] = None,
+    resume: Annotated[bool, Option("--resume", help="Continue an interrupted run.")] = False,
+    from_: Annotated[Path | None, Option("--from", metavar="PROVENANCE.json", help="Repeat a finished run.")] = None,
 ) -> Answer:
     """Do everything: film and log to a report and a recording.
 
@@ -49,8 +47,8 @@ def run(
     if (experiment is None) == (from_ is None):
         raise ConfigError("needs one of EXPERIMENT.toml and --from PROVENANCE.json", where="torsight run")
     chosen = read_experiment(experiment) if experiment is not None else again(from_ or Path())
-    for line in other_versions(from_) if from_ is not None else ():
-        say(line)
+    if from_ is not None:
+        say(*other_versions(from_))
     with progress_bar() as progress:
         folder = run_experiment(chosen, out=out, resume=resume, progress=progress)
     return shown(folder, view=view)
@@ -63,8 +61,7 @@ def shown(folder: Path, *more: str, view: bool) -> Answer:
     """
     from torsight.cli.summary import summary
 
-    for line in ("", *summary(folder), *more):
-        say(line)
+    say("", *summary(folder), *more)
     if view:
         from torsight.cli.view import view as open_view
 
@@ -196,17 +193,12 @@ def stages_of(
     """Return the stages of a run in their order: the name of each, and what does its work."""
     from torsight.cli.discover import discover_to_folder
 
-    merged = folder / "merged.csv"
+    merged, actuator, seed = folder / "merged.csv", experiment.actuator, experiment.seed
     return [
         ("track", lambda: _angles(experiment, folder, resume=resume, progress=progress)),
         ("sync", lambda: _one_clock(experiment, folder, progress=progress)),
-        ("fit", lambda: fit_to_folder(merged, experiment.actuator, out=folder, progress=progress)),
-        (
-            "discover",
-            lambda: discover_to_folder(
-                [merged], experiment.actuator, out=folder, seed=experiment.seed, progress=progress
-            ),
-        ),
+        ("fit", lambda: fit_to_folder(merged, actuator, out=folder, progress=progress)),
+        ("discover", lambda: discover_to_folder([merged], actuator, out=folder, seed=seed, progress=progress)),
         ("together", lambda: _together(experiment, folder, progress=progress)),
     ]
 

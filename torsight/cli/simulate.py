@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-import typer
+from typer import Argument, Option
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import say
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 
 def simulate(
-    actuator: Annotated[Path, typer.Argument(metavar="ACTUATOR.toml", help="Characterised values of the rig.")],
-    temperature: Annotated[Path, typer.Argument(metavar="TEMPS.csv", help="Temperatures of both springs.")],
+    actuator: Annotated[Path, Argument(metavar="ACTUATOR.toml", help="Characterised values of the rig.")],
+    temperature: Annotated[Path, Argument(metavar="TEMPS.csv", help="Temperatures of both springs.")],
     *,
-    start_angle: Annotated[float, typer.Option(metavar="DEG", help="Measured angle at the first row, degrees.")],
-    out: Annotated[Path, typer.Option(metavar="FILE.csv", help="Table to write (.csv or .parquet).")],
+    start_angle: Annotated[float, Option(metavar="DEG", help="Measured angle at the first row, degrees.")],
+    out: Annotated[Path, Option(metavar="FILE.csv", help="Table to write (.csv or .parquet).")],
     columns: Columns = None,
     units: Units = None,
 ) -> Answer:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-import typer
+from typer import Option
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
@@ -43,26 +43,25 @@ class Settings:
 
 def sync(
     *,
-    angle: Annotated[Path, typer.Option(metavar="ANGLE.csv", help="Angles on the film's clock.")],
-    temperature: Annotated[Path, typer.Option(metavar="TEMPS.csv", help="Temperature log on its own clock.")],
-    out: Annotated[Path, typer.Option(help="Folder for merged.csv and sync.json.")],
+    angle: Annotated[Path, Option(metavar="ANGLE.csv", help="Angles on the film's clock.")],
+    temperature: Annotated[Path, Option(metavar="TEMPS.csv", help="Temperature log on its own clock.")],
+    out: Annotated[Path, Option(help="Folder for merged.csv and sync.json.")],
     offset: Annotated[
-        float | None,
-        typer.Option(metavar="S", help="Known offset: temperature time minus film time as the film begins."),
+        float | None, Option(metavar="S", help="Known offset: temperature time minus film time as the film begins.")
     ] = None,
-    drift_ppm: Annotated[float | None, typer.Option(metavar="PPM", help="Known drift of the log's clock.")] = None,
-    max_gap: Annotated[float | None, typer.Option(metavar="S", help="Longest gap in the log that is bridged.")] = None,
+    drift_ppm: Annotated[float | None, Option(metavar="PPM", help="Known drift of the log's clock.")] = None,
+    max_gap: Annotated[float | None, Option(metavar="S", help="Longest gap in the log that is bridged.")] = None,
     led_events: Annotated[
-        Path | None, typer.Option(metavar="EVENTS.csv", help="Film times at which an LED showed the heating switch.")
+        Path | None, Option(metavar="EVENTS.csv", help="Film times at which an LED showed the heating switch.")
     ] = None,
     led: Annotated[
-        tuple[float, float] | None, typer.Option(metavar="X Y", help="Position of such an LED in the film, px.")
+        tuple[float, float] | None, Option(metavar="X Y", help="Position of such an LED in the film, px.")
     ] = None,
-    film: Annotated[str | None, typer.Option(metavar="FILM", help="The film of the angles, for --led.")] = None,
-    timestamps: Annotated[Path | None, typer.Option(metavar="T.csv", help="The film's frame times.")] = None,
+    film: Annotated[str | None, Option(metavar="FILM", help="The film of the angles, for --led.")] = None,
+    timestamps: Annotated[Path | None, Option(metavar="T.csv", help="The film's frame times.")] = None,
     fps: Fps = None,
     table: Annotated[
-        Path | None, typer.Option(metavar="FILE.csv", help="Write the merged table here, too (.csv or .parquet).")
+        Path | None, Option(metavar="FILE.csv", help="Write the merged table here, too (.csv or .parquet).")
     ] = None,
     columns: Columns = None,
     units: Units = None,
@@ -94,8 +93,7 @@ def sync(
             error.do = "; ".join(filter(None, (error.do, f"{out / 'merged.csv'} is that of an earlier sync")))
         raise
     content = read_json(out / "sync.json")
-    for line in summary_lines(content):
-        say(line)
+    say(*summary_lines(content))
     files = (out / "merged.csv", out / "sync.json", *(() if table is None else (table,)))
     return Answer(content, files=files)
 

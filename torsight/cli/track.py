@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
-import typer
+from typer import Argument, Option
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
@@ -39,21 +39,19 @@ _PAIR_REMARK: Final = (
 
 
 def track(
-    video: Annotated[str, typer.Argument(metavar="VIDEO", help="Film, or folder or glob of pictures.")],
-    video_right: Annotated[
-        str | None, typer.Argument(metavar="[VIDEO_RIGHT]", help="Right film of a stereo pair.")
-    ] = None,
+    video: Annotated[str, Argument(metavar="VIDEO", help="Film, or folder or glob of pictures.")],
+    video_right: Annotated[str | None, Argument(metavar="[VIDEO_RIGHT]", help="Right film of a stereo pair.")] = None,
     *,
-    out: Annotated[Path, typer.Option(help="Folder for angle.csv, markers.csv, track.json and track.png.")],
+    out: Annotated[Path, Option(help="Folder for angle.csv, markers.csv, track.json and track.png.")],
     camera: CameraFile = None,
     markers: Annotated[
-        Path | None, typer.Option(metavar="MARKERS.toml", help="The markers: positions in the first frame, or tags.")
+        Path | None, Option(metavar="MARKERS.toml", help="The markers: positions in the first frame, or tags.")
     ] = None,
     timestamps: Annotated[
-        Path | None, typer.Option(metavar="T.csv", help="Table frame, time_s with the time of every frame.")
+        Path | None, Option(metavar="T.csv", help="Table frame, time_s with the time of every frame.")
     ] = None,
     fps: Fps = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted track.")] = False,
+    resume: Annotated[bool, Option("--resume", help="Continue an interrupted track.")] = False,
 ) -> Answer:
     """Follow the markers through a film: every frame's angle.
 

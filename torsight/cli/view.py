@@ -6,7 +6,7 @@ import signal
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from torsight.cli.console import progress_bar, say
 from torsight.cli.ends import Ended
@@ -16,20 +16,16 @@ from torsight.core.files.storage import read_table, read_toml
 
 
 def view(
-    folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Folder of a run or a live record, or a recording.rrd.")
-    ],
+    folder: Annotated[Path, Argument(metavar="DIR", help="Folder of a run or a live record, or a recording.rrd.")],
     *,
-    port: Annotated[
-        int | None, typer.Option(min=0, max=65535, help="Port of the viewer; a free one otherwise.")
-    ] = None,
+    port: Annotated[int | None, Option(min=0, max=65535, help="Port of the viewer; a free one otherwise.")] = None,
     serve: Serve = False,
     web_port: WebPort = None,
     pictures: Annotated[
-        Path | None, typer.Option(metavar="OUT", help="Save every pane as a picture into this folder; needs no screen.")
+        Path | None, Option(metavar="OUT", help="Save every pane as a picture into this folder; needs no screen.")
     ] = None,
     at: Annotated[
-        float | None, typer.Option(metavar="SECONDS", help="Time on the film's clock that --pictures shows.")
+        float | None, Option(metavar="SECONDS", help="Time on the film's clock that --pictures shows.")
     ] = None,
 ) -> None:
     """Open the recording of a finished run in Rerun.

@@ -25,8 +25,6 @@ Row = TypeVar("Row")
 
 PATIENCE = "10s"
 """Timeout for the answer of a Dask scheduler."""
-_MOST_PER_CORE: Final = 4
-"""Processes per core at most: more only take memory from each other. A choice; one per core is the default."""
 _WATCH: Final = "end with the campaign"
 
 
@@ -43,7 +41,7 @@ def processes(jobs: int, *, tasks: int) -> int:
     from joblib import cpu_count
 
     cores = cpu_count()
-    most = _MOST_PER_CORE * cores
+    most = 4 * cores  # a choice: more only take memory from each other
     if jobs != -1 and not 1 <= jobs <= most:
         raise ConfigError(
             "is no number of processes",

@@ -146,17 +146,12 @@ class _Internal(CPUDispatcher):
 
 def _prepared(function: Any) -> Any:
     """Return a compiled function with this module's changes: fast loading from the cache, types without literals."""
-    kept = vars(function).get("_cache") if isinstance(function, Dispatcher) else None
+    if not isinstance(function, Dispatcher):
+        return function  # numba's compilation is disabled
+    kept = vars(function).get("_cache")
     if type(kept) is FunctionCache and _LOADS:
         kept.__class__ = _Kept
         vars(function)["_compilation_chain_init_hook"] = lambda: None
-    return _for_types(function)
-
-
-def _for_types(function: Any) -> Any:
-    """Let compiled callers look a function up by the types of its arguments, not by literal numbers."""
-    if not isinstance(function, Dispatcher):
-        return function  # numba's compilation is disabled
     ask: Any = function.get_call_template
     plain: Any = types.unliteral
 

@@ -59,17 +59,13 @@ class TorsightError(Exception):
             parts.append(f"allowed {self.limit}")
         if self.do is not None:
             parts.append(self.do)
-        return _printable("; ".join(parts))
+        # Control characters of a damaged file would move the cursor or colour the terminal.
+        return "".join("�" if unicodedata.category(one).startswith("C") else one for one in "; ".join(parts))
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         # Errors are pickled by worker processes: keep the keyword-only fields.
         kept = {name: getattr(self, name) for name in ("where", "value", "limit", "do")}
         return functools.partial(type(self), self.what, **kept), ()
-
-
-def _printable(text: str) -> str:
-    """Replace control characters of a damaged file, which would move the cursor or colour the terminal."""
-    return "".join("�" if unicodedata.category(one).startswith("C") else one for one in text)
 
 
 class ConfigError(TorsightError, ValueError):
@@ -115,5 +111,3 @@ def require_kind(value: object, kind: type, *, where: str, do: str) -> None:
 
 class NoResultError(TorsightError, RuntimeError):
     """Valid inputs without a result: no marker, no motion, no convergence (exit code 4)."""
-
-    exit_code: ClassVar[int] = 4

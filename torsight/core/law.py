@@ -27,8 +27,6 @@ KEPT = 1e-5
 size."""
 LENGTHS = (0.5, 0.25, 0.12, 0.06)
 """Lengths of a law's smooth functions as shares of its range, each half the one before."""
-_FINER = 8
-"""Points per gap between nodes: they reduce the error of linear interpolation to a sixty-fourth."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,13 +147,8 @@ class LawForm:
 
     def to_json(self) -> dict[str, Any]:
         """Return the form's entry in ``model.json``."""
-        return {
-            "id": self.id,
-            "nodes": self.nodes.tolist(),
-            "basis": self.basis.tolist(),
-            "unit": self.unit,
-            "scale": self.scale,
-        }
+        lists = {"nodes": self.nodes.tolist(), "basis": self.basis.tolist()}
+        return {"id": self.id, **lists, "unit": self.unit, "scale": self.scale}
 
 
 def smooth_between(nodes: Floats, values: Floats) -> tuple[Floats, Floats]:
@@ -171,13 +164,16 @@ def smooth_between(nodes: Floats, values: Floats) -> tuple[Floats, Floats]:
 
 
 @functools.lru_cache(maxsize=256)
-def _spline(nodes: bytes) -> tuple[Floats, Floats]:
-    """Return points (m,) between nodes, and the matrix (m, k) from the nodes' values to the spline's values there."""
+def _spline(nodes: bytes, finer: int = 8) -> tuple[Floats, Floats]:
+    """Return points (m,) between nodes, and the matrix (m, k) from the nodes' values to the spline's values there.
+
+    ``finer`` points per gap between nodes reduce the error of linear interpolation to a sixty-fourth.
+    """
     # Imported here: commands without a law need neither it nor scipy.optimize, which it imports.
     from scipy.interpolate import CubicSpline
 
     at = np.frombuffer(nodes)
-    gaps = np.arange(_FINER * (len(at) - 1) + 1) / _FINER
+    gaps = np.arange(finer * (len(at) - 1) + 1) / finer
     places = np.interp(gaps, np.arange(len(at)), at)
     return places, np.asarray(CubicSpline(at, np.eye(len(at)), bc_type="natural")(places))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final
 
 import numpy as np
@@ -19,9 +19,6 @@ from torsight.core.words.shown import Shown, draw_series, share, span
 
 GIVEN_OFFSET: Final = "given offset"
 """Beginning of the ``method`` of a clock map whose offset was given, not estimated."""
-_LEAST_CLOCK_S: Final = 0.05
-"""Least standard deviation of an offset: the time of an event in both recordings is known to one frame of the film,
-0.03 s at 30 per second, and one row of the log."""
 
 
 def clock_sigma_s(method: str, interval_s: tuple[float, float]) -> float | None:
@@ -32,7 +29,8 @@ def clock_sigma_s(method: str, interval_s: tuple[float, float]) -> float | None:
     low, high = interval_s
     if method.startswith(GIVEN_OFFSET) or not math.isfinite(high - low):
         return None
-    return max((high - low) / (2.0 * REACH), _LEAST_CLOCK_S)
+    # An event's time in both recordings is known to a frame of the film, 0.03 s at 30 per second, and a row of the log.
+    return max((high - low) / (2.0 * REACH), 0.05)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -200,10 +198,6 @@ class SyncedTable(Columns, Shown):
                 do="correct that row",
             )
 
-    def _rows(self) -> dict[str, Any]:
-        angles = {"angle_rad": self.angle_rad, "angle_sigma_rad": self.angle_sigma_rad}
-        return {"time_s": self.time_s, **angles, **_temperature_columns(self)}
-
     def __len__(self) -> int:
         return len(self.time_s)
 
@@ -218,9 +212,9 @@ class SyncedTable(Columns, Shown):
 
     def at(self, rows: Flags) -> SyncedTable:
         """Return the table restricted to the rows of a mask (n,)."""
-        kept = {name: values[rows] for name, values in self._rows().items()}
-        extra = {name: kept.pop(name) for name in self.extra}
-        return replace(self, **kept, extra=extra)
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        kept: dict[str, Any] = {name: column[rows] for name, column in values.items() if isinstance(column, np.ndarray)}
+        return replace(self, **kept, extra={name: column[rows] for name, column in self.extra.items()})
 
     def _columns(self) -> dict[str, Any]:
         return merged_columns(self)

@@ -59,14 +59,9 @@ class MarkerTracks(Shown):
 
     def __post_init__(self) -> None:
         n = len(self.frame)
-        shapes = {
-            "time_s": (self.time_s.shape, (n,)),
-            "position_px": (self.position_px.shape, (n, 4, 2)),
-            "covariance_px2": (self.covariance_px2.shape, (n, 4, 2, 2)),
-            "valid": (self.valid.shape, (n, 4)),
-        }
-        for name, (shape, expected) in shapes.items():
-            if shape != expected:
+        shapes = {"time_s": (n,), "position_px": (n, 4, 2), "covariance_px2": (n, 4, 2, 2), "valid": (n, 4)}
+        for name, expected in shapes.items():
+            if (shape := getattr(self, name).shape) != expected:
                 msg = f"{name} has shape {shape}, expected {expected}"
                 raise ValueError(msg)
 

@@ -22,8 +22,6 @@ MOST_FRAMES: Final = 1000
 """Largest number of frames of a check: a film of 1000 frames a second is followed for a second, not for minutes."""
 SHOWN_PX: Final = 960
 """Longer side of a frame in the page or in a picture: smaller ones are enlarged, larger ones shrunk."""
-_SHOWN: Final = 61
-"""Frames of a check that the page plays; the points are followed in all frames."""
 
 
 class Beginning:
@@ -71,7 +69,8 @@ def follow_beginning(
         raise NoResultError("the film ends before anything can be followed", where=source.name)
     warnings = list(doubts(result))
     angles = orient(tracks, None, pixel_aspect=source.pixel_aspect).angles
-    shown = np.unique(np.linspace(0, count - 1, _SHOWN).round().astype(np.int64))
+    # The points are followed in all frames; the page plays sixty-one of them.
+    shown = np.unique(np.linspace(0, count - 1, 61).round().astype(np.int64))
     seen = tracks.valid.sum(axis=0)
     unseen = [
         f"{name.replace('_', ' ')} in {count - n}"

@@ -24,10 +24,6 @@ if TYPE_CHECKING:
 
 _LINE_CHARACTERS: Final = 98
 """Longest line of the list beside the frame."""
-_LINE_PX: Final = 18
-_LIST_PX: Final = 680
-"""Height of a line of the list, and the list's width."""
-_GRID_LINES: Final = 16
 _DOT: Final = rgb(LIGHT["held"])
 _REFUSED: Final = (204, 121, 167)
 """A dot that was not taken; a candidate that is no dot."""
@@ -55,9 +51,10 @@ def write_preview(
     listed: list[tuple[Colour | None, str]] = [
         (_colour(one), line) for one in seen.candidates for line in _lines(one)
     ] or [(None, "no place looks like a dot")]
-    beside = MARGIN_PX + frame.shape[1] + 20
-    rows = max(frame.shape[0] + 30, _LINE_PX * (len(said) + len(listed) + 1))
-    sheet = Sheet(beside + _LIST_PX, MARGIN_PX + rows)
+    # The list beside the frame has lines of 18 px and is 680 px wide.
+    beside, line_px = MARGIN_PX + frame.shape[1] + 20, 18
+    rows = max(frame.shape[0] + 30, line_px * (len(said) + len(listed) + 1))
+    sheet = Sheet(beside + 680, MARGIN_PX + rows)
     sheet.text(title, MARGIN_PX, 24, size=16, bold=True)
     sheet.pixels[MARGIN_PX : MARGIN_PX + frame.shape[0], MARGIN_PX : MARGIN_PX + frame.shape[1]] = frame[..., None]
 
@@ -79,9 +76,9 @@ def write_preview(
         sheet.ring(place, RING_PX, colour)
         sheet.text(name, place[0] + 15.0, place[1] - 3.0, on=colour)
     for number, line in enumerate(said):
-        sheet.text(line, beside, MARGIN_PX + 12 + _LINE_PX * number)
+        sheet.text(line, beside, MARGIN_PX + 12 + line_px * number)
     for number, (colour_or_none, line) in enumerate(listed, len(said) + 1):
-        top = MARGIN_PX + 12 + _LINE_PX * number
+        top = MARGIN_PX + 12 + line_px * number
         if colour_or_none is not None:
             # Dark text with a mark in the colour of the ring: light colours cannot be read on white.
             sheet.text("  ", beside, top, on=colour_or_none)
@@ -116,11 +113,12 @@ def _lines(one: Candidate) -> list[str]:
 def _draw_grid(sheet: Sheet, at: Callable[[float, float], Floats], size_px: tuple[int, int]) -> None:
     """Draw lines over the frame with their pixel numbers beside it."""
     width, height = size_px
-    for number in ticks(0.0, float(width - 1), about=_GRID_LINES):
+    columns, rows = (ticks(0.0, size - 1.0, about=16) for size in size_px)
+    for number in columns:
         ends = np.array([at(number, -0.5), at(number, height - 0.5)])
         sheet.tint(np.concatenate([ends, ends[::-1] + np.array([1.0, 0.0])]), WHITE, 0.28)
         sheet.text(f"{number:g}", ends[1, 0] - 10, ends[1, 1] + 16)
-    for number in ticks(0.0, float(height - 1), about=_GRID_LINES):
+    for number in rows:
         ends = np.array([at(-0.5, number), at(width - 0.5, number)])
         sheet.tint(np.concatenate([ends, ends[::-1] + np.array([0.0, 1.0])]), WHITE, 0.28)
         sheet.text(f"{number:g}", ends[0, 0] - 4, ends[0, 1] + 5, right=True)

@@ -23,14 +23,6 @@ if TYPE_CHECKING:
     from tracker.frames.source import Source
     from tracker.track import TrackResult
 
-_OVER_THE_FILM: Final = 4
-"""Frames beside the first one and the worst one, evenly spaced up to the last."""
-_PANEL_PX: Final = 420
-"""Width of a frame's panel; three of them stand side by side."""
-_SHAPE: Final = 4.0 / 3.0
-"""Width over height of the part of a frame that is drawn, where the frame has it."""
-_PLOT_PX: Final = 260
-"""Height of the plot of the angle."""
 _GRID: Final = (225, 225, 225)
 
 
@@ -55,22 +47,24 @@ def write_track_picture(path: Path, source: Source, result: TrackResult, angles:
     """
     shown = chosen_frames(result, angles)
     view = _view(result)
-    tall = round(min(_PANEL_PX, _PANEL_PX * (view[3] - view[1]) / (view[2] - view[0])))
+    # Three panels of frames side by side, and the plot of the angle below them.
+    panel, plot = 420, 260
+    tall = round(min(panel, panel * (view[3] - view[1]) / (view[2] - view[0])))
     rows = (len(shown) + 2) // 3
-    wide, high = 3 * _PANEL_PX + 40, MARGIN_PX + rows * (tall + MARGIN_PX) + _PLOT_PX + 90
+    wide, high = 3 * panel + 40, MARGIN_PX + rows * (tall + MARGIN_PX) + plot + 90
     sheet = Sheet(wide, high)
     known = f"{int(angles.valid.sum())} of {counted(len(angles), 'frame')} have an angle"
     sheet.text(f"{Path(source.name).name}: {known}", 12, 26, size=17, bold=True)
     lumas = source.pictures([one.index for one in shown])
     for number, one in enumerate(shown):
         row, column = divmod(number, 3)
-        left, top = 10 + column * (_PANEL_PX + 10), 2 * MARGIN_PX + row * (tall + MARGIN_PX)
+        left, top = 10 + column * (panel + 10), 2 * MARGIN_PX + row * (tall + MARGIN_PX)
         angle = f"{angles.angle_rad[one.index] / DEG:.2f}°" if angles.valid[one.index] else "no angle"
         sheet.text(one.why, left, top - 21)
         sheet.text(f"frame {one.index}, {angles.time_s[one.index]:.2f} s: {angle}", left, top - 5)
-        _draw_frame(sheet, lumas.get(one.index), one, result=result, view=view, place=(left, top, _PANEL_PX, tall))
+        _draw_frame(sheet, lumas.get(one.index), one, result=result, view=view, place=(left, top, panel, tall))
     top = 2 * MARGIN_PX + rows * (tall + MARGIN_PX) - 10
-    _draw_angle(sheet, angles, shown, place=(80, top, wide - 100, _PLOT_PX))
+    _draw_angle(sheet, angles, shown, place=(80, top, wide - 100, plot))
     sheet.write(path)
 
 
@@ -93,14 +87,14 @@ def chosen_frames(result: TrackResult, angles: StickAngles) -> list[Shown]:
         index = int(np.argmax(angles.sigma_rad))
         worst = Shown(index, f"worst: largest uncertainty, ± {angles.sigma_rad[index] / DEG:.3f}°")
     for part, index in enumerate(_evenly(count)[1:], 1):
-        shown.append(Shown(index, f"{100 * part // _OVER_THE_FILM} % of the film"))
+        shown.append(Shown(index, f"{25 * part} % of the film"))
     once = {one.index: one for one in [*reversed(shown), worst]}
     return [*sorted((one for one in once.values() if one is not worst), key=lambda one: one.index), worst]
 
 
 def _evenly(count: int) -> list[int]:
     """Return the first of ``count`` frames and four more up to the last, evenly spaced."""
-    return [round(part * (count - 1) / _OVER_THE_FILM) for part in range(_OVER_THE_FILM + 1)]
+    return [round(part * (count - 1) / 4) for part in range(5)]
 
 
 def _why(result: TrackResult, index: int) -> str:
@@ -110,8 +104,11 @@ def _why(result: TrackResult, index: int) -> str:
     return ", ".join(f"{states.count(state)} {state}" for state in bad) or "impossible length"
 
 
-def _view(result: TrackResult) -> tuple[int, int, int, int]:
-    """Return the part of the picture that holds all positions of all markers, with a margin."""
+def _view(result: TrackResult, *, shape: float = 4.0 / 3.0) -> tuple[int, int, int, int]:
+    """Return the part of the picture that holds all positions of all markers, with a margin.
+
+    ``shape`` is its width over its height, where the picture is large enough; a part beyond its border is moved inside.
+    """
     width, height = result.tracks.size_px
     rivals = [point for one in result.report["markers"].get("rivals", []) for point in (*one["base"], *one["moving"])]
     places = np.concatenate([result.tracks.position_px.reshape(-1, 2), np.reshape(rivals, (-1, 2))])
@@ -121,8 +118,7 @@ def _view(result: TrackResult) -> tuple[int, int, int, int]:
     low, high = places.min(axis=0), places.max(axis=0)
     room = max(0.15 * float((high - low).max()), 4.0 * float(result.report["markers"]["radius_px"]))
     wide, tall = (high - low + 2.0 * room).tolist()
-    # Panels have one shape where the picture is large enough; a part beyond its border is shifted inside.
-    wide, tall = min(max(wide, _SHAPE * tall), float(width)), min(max(tall, wide / _SHAPE), float(height))
+    wide, tall = min(max(wide, shape * tall), float(width)), min(max(tall, wide / shape), float(height))
     left = min(max(0, round(0.5 * (low[0] + high[0] - wide))), width - round(wide))
     top = min(max(0, round(0.5 * (low[1] + high[1] - tall))), height - round(tall))
     return left, top, left + round(wide), top + round(tall)

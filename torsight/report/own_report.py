@@ -23,6 +23,7 @@ def write_own_report(found: Findings, folder: Path, *, model: Path, records: Seq
 def contents(found: Findings) -> dict[str, Any]:
     """Return the content of the page, by the names that its template uses."""
     candidates = found.field.base.fitter.candidates
+    plain = {name: estimate(one.to_json()) for name, one in found.plain_parameters.items()}
     return {
         "verdict": found.verdict,
         "headline": words.verdict_words(found),
@@ -35,21 +36,9 @@ def contents(found: Findings) -> dict[str, Any]:
             (name, [(p.name, estimate(found.parameters[p.name].to_json())) for p in candidates[name].parameters])
             for name in found.effects
         ],
-        "parameters": [
-            (
-                name,
-                estimate(one.to_json()),
-                estimate(found.plain_parameters[name].to_json()) if name in found.plain_parameters else "–",
-            )
-            for name, one in found.parameters.items()
-        ],
+        "parameters": [(name, estimate(one.to_json()), plain.get(name, "–")) for name, one in found.parameters.items()],
         "fits": [
-            (
-                " + ".join(one.effects) or "plain model",
-                number(one.rmse_train),
-                number(one.rmse_held_out),
-                number(one.gain),
-            )
+            (" + ".join(one.effects) or "plain model", *map(number, (one.rmse_train, one.rmse_held_out, one.gain)))
             for one in found.best_fits
         ],
         "larger": [words.larger_words(one) for one in found.predicts_better[:1]],

@@ -25,7 +25,7 @@ from torsight.report.figures import evidence, measured, motion, planned, residua
 from torsight.report.figures.law_plots import law_figure
 from torsight.report.figures.motion import Figure
 from torsight.report.plots.formulas import with_symbols
-from torsight.report.plots.interactive import Drawing, drawing, library
+from torsight.report.plots.interactive import drawing, library
 from torsight.report.plots.still import picture_data, still
 from torsight.report.sections import page_content, parameter_table
 from torsight.report.sections.limitations import doubts
@@ -86,7 +86,7 @@ def write_page(
     figures = [figure for some in shown["figures"].values() for figure in some]
     pictures = {figure.name: still(figure.panels) for figure in figures}
     write_figures(folder, figures, pictures, ours=ours or NAMES.__contains__)
-    drawn = drawing({figure.name: figure.panels for figure in figures}) if figures else None
+    drawn = drawing({figure.name: figure.panels for figure in figures}) if figures else ""
     path = folder / "report.html"
     write_text(path, page(shown, pictures=pictures, drawn=drawn, template=template))
     return path
@@ -126,7 +126,7 @@ def page(
     shown: Mapping[str, Any],
     *,
     pictures: Mapping[str, str] = MappingProxyType({}),
-    drawn: Drawing | None = None,
+    drawn: str = "",
     template: str = "report.html",
 ) -> str:
     """Return the text of the page that shows some :func:`contents`.
@@ -140,7 +140,7 @@ def page(
         pictures={name: picture_data(svg) for name, svg in pictures.items()},
         drawn=drawn,
         at_night=json.dumps(at_night()),
-        bokeh="" if drawn is None else library(),
+        bokeh=library() if drawn else "",
         draw=(TEMPLATES / "draw.js").read_text(encoding="utf-8"),
         data_link=data_link,
         figure_folder=FOLDER,

@@ -17,9 +17,6 @@ from torsight.synthetic.effects.hidden import ClockOffset
 from torsight.synthetic.rig.moving_rig import RigRecord, Setup, between_samples, reading_angle, simulate_rig
 from torsight.synthetic.scene import Scene, scene_from
 
-_STEPS_PER_FRAME = 16
-"""Steps of a prescribed motion within a frame's time: where play turns round is known to 1/16 of a frame's motion."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Played:
@@ -75,7 +72,8 @@ def hand_motion(scene: Scene, time_s: Floats) -> Floats:
 def play_scene(scene: Scene) -> Played:
     """Simulate the scene's rig (nothing is filmed or written)."""
     if scene.motion.kind != "rig":
-        step_s = 1.0 / (_STEPS_PER_FRAME * scene.film.fps)
+        # Where play turns round is known to 1/16 of a frame's motion.
+        step_s = 1.0 / (16 * scene.film.fps)
         time_s = np.arange(0.0, scene.motion.duration_s + 2.0 * step_s, step_s)
         error_rad = _reading_error(scene, hand_motion(scene, time_s), time_s)
         return Played(scene, None, 0.0, scene.motion.duration_s, step_s, error_rad)

@@ -33,17 +33,9 @@ class KeyRule:
     constant: str = ""
 
 
-def key(
-    default: T,
-    text: str,
-    *,
-    lower: float = -math.inf,
-    upper: float = math.inf,
-    choices: tuple[str, ...] = (),
-    constant: str = "",
-) -> T:
-    """Declare one key of a section: default, one line of help, allowed values, and the constant that it sets."""
-    declared: T = field(default=default, metadata={"rule": KeyRule(text, lower, upper, choices, constant)})
+def key(default: T, text: str, **rule: Any) -> T:
+    """Declare one key of a section: default, one line of help, and the other fields of its :class:`KeyRule`."""
+    declared: T = field(default=default, metadata={"rule": KeyRule(text, **rule)})
     return declared
 
 

@@ -149,16 +149,9 @@ def _experiment(scene: Scene) -> dict[str, Any]:
     video: dict[str, Any] = {"path": names[0] if len(names) == 1 else list(names)}
     if scene.film.codec == "png":
         video["fps"] = scene.film.fps
-    content: dict[str, Any] = {"video": video}
-    if scene.output.camera:
-        content["camera"] = {"file": "camera.toml"}
-    if scene.output.markers:
-        content["markers"] = {"file": "markers.toml"}
-    content["temperature"] = {"path": "temps.csv"}
-    content["actuator"] = {"file": "actuator.toml"}
-    content["output"] = {"dir": "results"}
-    content["discover"] = {"seed": scene.output.seed}
-    return content
+    named = {name: {"file": f"{name}.toml"} for name in ("camera", "markers") if getattr(scene.output, name)}
+    rest = {"temperature": {"path": "temps.csv"}, "actuator": {"file": "actuator.toml"}, "output": {"dir": "results"}}
+    return {"video": video, **named, **rest, "discover": {"seed": scene.output.seed}}
 
 
 def _write_toml(path: Path, content: Mapping[str, Any]) -> None:

@@ -31,8 +31,6 @@ OPTIONS: Final = {
     "libsvtav1": {"preset": "10", "crf": "38", "g": "50"},
     "libx264": {"preset": "veryfast", "crf": "26", "g": "50"},
 }
-NOBODY: Final = 65534
-"""User without any rights, by the convention of Linux."""
 GONE: Final = 3
 """Exit code when the sender ended without an end."""
 
@@ -72,7 +70,7 @@ def main(target: str, codec: str, width: int, height: int, rate_hz: int, limit_s
     with Path(target).open("wb") as file:
         if hasattr(os, "geteuid") and os.geteuid() == 0:
             _load_everything(av)
-            os.seteuid(NOBODY)
+            os.seteuid(65534)  # the user without any rights, by the convention of Linux
         with av.open(file, "w", format="mp4") as container:
             stream: Any = container.add_stream(codec, rate=rate_hz, options=OPTIONS[codec])
             stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+import rerun as rr
 
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.results import RunResults, column, read_results
@@ -27,8 +28,6 @@ from torsight.viewer.overlay import Overlay, colour_of, overlay
 from torsight.viewer.run_words import half_cycle_begins, run_events, span_s, summary_document
 
 if TYPE_CHECKING:
-    import rerun as rr
-
     from torsight.discovery.measured_law import MeasuredLaw
 
 CURVES: Final = {
@@ -82,8 +81,6 @@ def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: P
 
 def recorded(results: RunResults, preview: Preview | None) -> bytes:
     """Return the recording of a run's results."""
-    import rerun as rr
-
     # One recording per run: its name is the folder's, so that two runs opened together can be distinguished.
     stream = rr.RecordingStream(view_layout.APPLICATION, recording_id=results.folder.resolve().name)
     memory = stream.memory_recording()
@@ -135,8 +132,6 @@ def _law_name(law: MeasuredLaw) -> str:
 
 def log_laws(stream: rr.RecordingStream, laws: Mapping[str, MeasuredLaw]) -> None:
     """Log every law as bars over its driver; bars at values that the record does not cover are a separate entity."""
-    import rerun as rr
-
     for name, law in laws.items():
         known = np.isfinite(law.value) & np.isfinite(law.driver_values)
         step = usual_step(law.driver_values) or 1.0
@@ -160,8 +155,6 @@ def log_half_cycles(stream: rr.RecordingStream, results: RunResults) -> None:
 
 
 def _log_film(stream: rr.RecordingStream, results: RunResults, preview: Preview | None) -> None:
-    import rerun as rr
-
     table = results.first_of("markers", "angle")
     if table is None:
         return
@@ -182,8 +175,6 @@ def _log_film(stream: rr.RecordingStream, results: RunResults, preview: Preview 
 
 def times(frame: Ints, time_s: Floats) -> list[rr.TimeColumn]:
     """Return both timelines for frames of the film."""
-    import rerun as rr
-
     return [rr.TimeColumn(view_layout.TIME, duration=time_s[frame]), rr.TimeColumn(view_layout.FRAME, sequence=frame)]
 
 
@@ -203,8 +194,6 @@ def overlays(results: RunResults, frame: Ints, *, scale: float) -> list[Overlay]
 
 def log_overlays(stream: rr.RecordingStream, drawn: Sequence[Overlay], indexes: Sequence[Any]) -> None:
     """Log markers and sticks of many frames at once."""
-    import rerun as rr
-
     points = np.concatenate([one.points_px for one in drawn]) if drawn else np.empty((0, 2))
     if not len(points):
         return
@@ -225,8 +214,6 @@ def log_overlays(stream: rr.RecordingStream, drawn: Sequence[Overlay], indexes: 
 
 
 def _log_words(stream: rr.RecordingStream, results: RunResults) -> None:
-    import rerun as rr
-
     document = rr.TextDocument(summary_document(results), media_type=rr.MediaType.MARKDOWN)
     stream.log("summary", document, static=True)
     events = run_events(results)

@@ -58,13 +58,6 @@ LAW_COLOURS: Final = {"reached": _SHADE["after"], "not_reached": (110, 118, 130)
 
 HALF_CYCLE_COLOUR: Final = _SHADE["held"]
 
-LIVE_WINDOW_S: Final = 120.0
-"""Time span of the curves of a live view: a choice."""
-
-LEGEND_SHARE: Final = 0.3
-"""Room for the legends to the right of the newest sample, as a share of the span of the curves: of a pane of 770 px,
-six tenths of the window, 0.3 / 1.3 or 177 px. The longest name has 21 letters of 7 px, and its line takes 30."""
-
 
 def blueprint(span_s: tuple[float, float] | None = None, *, laws: Sequence[str] = ()) -> rrb.Blueprint:
     """Return the arrangement of the panes, with one for each law by its name below the curves.
@@ -122,16 +115,21 @@ def law_entity(name: str) -> str:
     return f"laws/{re.sub('[^a-z0-9_]+', '_', name.lower()).strip('_')}"
 
 
-def _view_range(span_s: tuple[float, float] | None) -> rrb.TimeRange:
+def _view_range(span_s: tuple[float, float] | None, *, live_s: float = 120.0, legend: float = 0.3) -> rrb.TimeRange:
+    """Return the range of the curves: a record's, or ``live_s`` before the cursor.
+
+    To the right is room for the legends, as a share of the range: of a pane of 770 px, six tenths of the window,
+    0.3 / 1.3 or 177 px. The longest name has 21 letters of 7 px, and its line takes 30.
+    """
     import rerun.blueprint as rrb
 
     if span_s is None:
         return rrb.TimeRange(
-            start=rrb.TimeRangeBoundary.cursor_relative(seconds=-LIVE_WINDOW_S),
-            end=rrb.TimeRangeBoundary.cursor_relative(seconds=LEGEND_SHARE * LIVE_WINDOW_S),
+            start=rrb.TimeRangeBoundary.cursor_relative(seconds=-live_s),
+            end=rrb.TimeRangeBoundary.cursor_relative(seconds=legend * live_s),
         )
     first_s, last_s = span_s
-    margin_s = LEGEND_SHARE * (last_s - first_s)
+    margin_s = legend * (last_s - first_s)
     return rrb.TimeRange(
         start=rrb.TimeRangeBoundary.absolute(seconds=first_s - 0.02 * margin_s),
         end=rrb.TimeRangeBoundary.absolute(seconds=last_s + margin_s),

@@ -135,7 +135,7 @@ def examine(inputs: Inputs, *, progress: Progress = silent) -> tuple[list[Findin
     if spec is not None:
         findings += _look_at_priors(spec)
         content["actuator"] = {"uncertain": list(spec.uncertainty)}
-    log = LogCheck() if inputs.log is None else check_log(inputs.log, columns=inputs.columns, units=inputs.units)
+    log = LogCheck("log") if inputs.log is None else check_log(inputs.log, columns=inputs.columns, units=inputs.units)
     findings += log.findings
     if inputs.log is not None:
         content["log"] = log.content

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.cli.checkup.finding import FEW, Check, Finding, refusal
+from torsight.cli.checkup.finding import FEW, Check
 from torsight.cli.checkup.stretch import CLIP, track_stretches
 from torsight.core.errors import TorsightError
 from torsight.core.files.small_pictures import shrunk
@@ -48,7 +48,7 @@ def check_film(
     progress: Progress = silent,
 ) -> Check:
     """Check a film: its times, the markers in frames over its whole length, and a tracked stretch with motion."""
-    check = Check()
+    check = Check(about)
     try:
         source = open_source(video, fps=fps, timestamps=timestamps)
         if camera is not None:
@@ -56,22 +56,18 @@ def check_film(
         taken = read_timestamps(source, progress=progress)
         check.content |= source.describe()
         tick_s = check.content.get("tick_s", 0.0)
-        _look_at_times(check, about, taken, tick_s=tick_s, given=timestamps or fps)
-        _look_at_file(check, about, source, taken)
+        _look_at_times(check, taken, tick_s=tick_s, given=timestamps or fps)
+        _look_at_file(check, source, taken)
         start = find_start(source, hints, progress=progress)
-        firsts = _stretches(source, taken, start, hints, check=check, about=about, progress=progress)
+        firsts = _stretches(check, source, taken, start, hints, progress=progress)
         clips = [Clip(source, taken, first=first, count=CLIP) for first in firsts]
-        findings, content = track_stretches(
-            clips, start, about=about, total=len(taken), hints=hints, camera=camera, progress=progress
-        )
-        check.findings += findings
-        check.content |= content
+        track_stretches(check, clips, start, total=len(taken), hints=hints, camera=camera, progress=progress)
     except TorsightError as error:
-        check.findings.append(refusal(about, error))
+        check.refuse(error)
     return check
 
 
-def _look_at_times(check: Check, about: str, timestamps: Timestamps, *, tick_s: float, given: object) -> None:
+def _look_at_times(check: Check, timestamps: Timestamps, *, tick_s: float, given: object) -> None:
     """Report the number of frames, and a frame rate that varies or a film that stands still."""
     rate = timing(timestamps.time_s, tick_s=tick_s)
     if rate.step_s is None or rate.shortest_s is None or rate.longest_s is None:
@@ -91,40 +87,31 @@ def _look_at_times(check: Check, about: str, timestamps: Timestamps, *, tick_s: 
             f"{1e3 * rate.step_s:.1f} ms, the longest is {1e3 * rate.longest_s:.0f} ms); every frame is taken at its "
             f"own timestamp."
         )
-        check.findings.append(Finding(about, "note", text, "fix the frame rate, or give the true times as timestamps"))
+        check.add("note", text, "fix the frame rate, or give the true times as timestamps")
     if rate.longest_s > max(10.0 * rate.step_s, 1.0):
         at = float(timestamps.time_s[int(np.argmax(np.diff(timestamps.time_s)))])
-        text = f"stands still for {rate.longest_s:.1f} s at {at:.1f} s."
-        check.findings.append(Finding(about, "limits", text, "film without pauses"))
+        check.add("limits", f"stands still for {rate.longest_s:.1f} s at {at:.1f} s.", "film without pauses")
 
 
-def _look_at_file(check: Check, about: str, source: Any, timestamps: Timestamps) -> None:
+def _look_at_file(check: Check, source: Any, timestamps: Timestamps) -> None:
     """Report the properties of the file that the source has found: damage, fields, further streams, slow motion."""
     entries = source.damage.entries
     for entry in entries:
         if entry["kind"] != "damage":
             text, _, advice = str(entry["text"]).partition("; ")
-            level = "note" if entry["kind"] == "streams" else "limits"
-            check.findings.append(Finding(about, level, f"{text}.", advice))
+            check.add("note" if entry["kind"] == "streams" else "limits", f"{text}.", advice)
     damage = [entry for entry in entries if entry["kind"] == "damage"]
     if damage:
         text = f"is damaged in {counted(len(damage), 'place')}: {damage[0]['text']}."
-        check.findings.append(Finding(about, "limits", text, "copy it from the camera again"))
+        check.add("limits", text, "copy it from the camera again")
     declared = source.frame_count
     if not timestamps.decoded and declared is not None and len(timestamps) + timestamps.hidden < (1.0 - FEW) * declared:
         text = f"holds {len(timestamps) + timestamps.hidden} of {declared} declared frames: it was cut or damaged."
-        check.findings.append(Finding(about, "limits", text, "copy it from the camera again"))
+        check.add("limits", text, "copy it from the camera again")
 
 
 def _stretches(
-    source: Any,
-    timestamps: Timestamps,
-    start: Start,
-    hints: MarkerHints | None,
-    *,
-    check: Check,
-    about: str,
-    progress: Progress,
+    check: Check, source: Any, timestamps: Timestamps, start: Start, hints: MarkerHints | None, *, progress: Progress
 ) -> list[int]:
     """Return the first frames of the tracked stretches: the start of a run, and the stretch with the largest motion.
 
@@ -136,12 +123,12 @@ def _stretches(
     if start.kind != "dot":
         return [begin]
     sought = hints is None and not start.doubtful
-    moving = _liveliest(source, timestamps, check, about, progress, begin=begin, sought=sought)
+    moving = _liveliest(check, source, timestamps, begin=begin, sought=sought, progress=progress)
     return [begin] if abs(moving - begin) < CLIP // 2 else [begin, moving]
 
 
 def _liveliest(
-    source: Any, timestamps: Timestamps, check: Check, about: str, progress: Progress, *, begin: int, sought: bool
+    check: Check, source: Any, timestamps: Timestamps, *, begin: int, sought: bool, progress: Progress
 ) -> int:
     """Return the first frame of a stretch around the largest change between two sampled frames.
 
@@ -165,7 +152,7 @@ def _liveliest(
     if not all(found):
         text = f"shows all four markers in {sum(found)} of {len(found)} frames that were looked at over its length."
         advice = "keep hands and wires off the markers, and the light on; where the sticks cross they hide each other"
-        check.findings.append(Finding(about, "note" if 2 * sum(found) >= len(found) else "limits", text, advice))
+        check.add("note" if 2 * sum(found) >= len(found) else "limits", text, advice)
     if len(seen) < 2:
         return 0
     low, high = max(pairwise(sorted(seen)), key=lambda ends: _changed(seen[ends[0]], seen[ends[1]]))

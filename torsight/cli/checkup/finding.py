@@ -44,11 +44,20 @@ class Finding:
 
 @dataclass(slots=True)
 class Check:
-    """Result of checking one film or log: findings, measured figures for a script, and its length (0: not known)."""
+    """Check of one film or log: findings ``about`` it, measured figures for a script, and its length (0: not known)."""
 
+    about: str
     findings: list[Finding] = field(default_factory=list)
     content: dict[str, Any] = field(default_factory=dict)
     duration_s: float = 0.0
+
+    def add(self, level: str, text: str, do: str = "", angle_deg: float | None = None) -> None:
+        """Append a finding."""
+        self.findings.append(Finding(self.about, level, text, do, angle_deg))
+
+    def refuse(self, error: TorsightError) -> None:
+        """Append an error as a finding that prevents the run."""
+        self.findings.append(refusal(self.about, error))
 
 
 def refusal(about: str, error: TorsightError) -> Finding:

@@ -43,11 +43,11 @@ def check_log(
     path: Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
 ) -> LogCheck:
     """Check a log alone: rate, gaps, repairs, ranges, noise."""
-    check = LogCheck()
+    check = LogCheck("log")
     try:
         reading = check.reading = read_temperature_log(path, columns=columns, units=units)
     except TorsightError as error:
-        check.findings.append(refusal("log", error))
+        check.refuse(error)
         return check
     log = reading.log
     check.findings += [Finding("log", "note", f"{note}.") for note in reading.notes]
@@ -80,13 +80,13 @@ def check_log(
 def _look_at_rows(check: LogCheck, reading: LogReading, usual_s: float) -> None:
     for repair in reading.repairs:
         level = "note" if repair.kind not in ("gap", "stuck", "restart") else "limits"
-        check.findings.append(Finding("log", level, repair.text.rstrip(".") + "."))
+        check.add(level, repair.text.rstrip(".") + ".")
     if usual_s > SLOW_S:
         text = f"has a row every {usual_s:.2g} s: corners of the temperature, where a heating ends, fall between rows."
-        check.findings.append(Finding("log", "limits", text, "log once a second or faster"))
+        check.add("limits", text, "log once a second or faster")
     if not check.content["heating_switches"]:
         text = "has no heating switches (heat_a, heat_b): which spring is driven is read from the temperatures."
-        check.findings.append(Finding("log", "fine", text))
+        check.add("fine", text)
 
 
 def _look_at_pulses(check: LogCheck, reading: LogReading) -> None:
@@ -101,7 +101,7 @@ def _look_at_pulses(check: LogCheck, reading: LogReading) -> None:
         f"the readings scatter by {springs}: with a heater that is switched on and off the wire follows the peaks "
         "between readings, and they are too few to show them."
     )
-    check.findings.append(Finding("log", "limits", text, f"log {PLENTY} readings per pulse, or pulse faster"))
+    check.add("limits", text, f"log {PLENTY} readings per pulse, or pulse faster")
 
 
 def check_programme(
@@ -210,8 +210,6 @@ def _look_at_separable(found: Separable, cycles: Sequence[HalfCycle]) -> list[Fi
 
 PLENTY: Final = 20
 """Readings per pulse that resolve its shape (benchmarks/actuator/pulsed_heaters.py)."""
-_SLOW_SHARE: Final = 0.95
-"""Quantile at which differences are clipped: corners of the temperature cause the largest differences, but few."""
 
 
 def ripple_c(reading: LogReading) -> dict[Spring, float]:
@@ -285,4 +283,5 @@ def _scatter(time_s: Floats, temp_c: Floats, rows: Flags, stride: int) -> float:
         weight = 1.0 / np.where(apart_s == 0.0, 1.0, apart_s).prod(axis=1)
         found.append(np.abs((weight * temp_c[at]).sum(axis=0)) / np.sqrt(np.square(weight).sum(axis=0)))
     size = np.concatenate(found)
-    return rms(np.minimum(size, np.quantile(size, _SLOW_SHARE)))
+    # Corners of the temperature cause the largest differences, but few.
+    return rms(np.minimum(size, np.quantile(size, 0.95)))

@@ -75,14 +75,8 @@ def half_cycles_of(drive: Drive, limits: Limits) -> list[HalfCycle]:
         moving = (temp_c[:top] > limits.onset_c) & (temp_c[:top] < limits.full_c)
         rate = np.gradient(temp_c, drive.time_s[rows])[:top] if top > 1 else np.zeros(top)
         rising = rate[moving & (rate > 0)] if (moving & (rate > 0)).any() else rate[rate > 0]
-        found.append(
-            HalfCycle(
-                spring="ab"[spring],
-                peak_c=float(temp_c[top]),
-                end_c=float(temp_c[top:].min()),
-                rate_c_s=float(np.median(rising)) if len(rising) else 0.0,
-            )
-        )
+        rate_c_s = float(np.median(rising)) if len(rising) else 0.0
+        found.append(HalfCycle("ab"[spring], float(temp_c[top]), float(temp_c[top:].min()), rate_c_s))
     return found
 
 

@@ -28,8 +28,6 @@ from torsight.discovery.design.separation import Rival, linear_gains
 from torsight.discovery.settings import Settings
 from torsight.discovery.weight import Weight
 
-_CORRELATION_S: Final = 10.0
-"""Correlation time of the residual of a good record, s: a sample counts as its interval over this. A choice."""
 _SPREAD: Final = 2.0 * NormalDist().inv_cdf(19.0 / 20.0)
 """A gain scatters by twice its root (a noncentral χ²): an effect called visible is found nineteen times in twenty."""
 
@@ -54,7 +52,8 @@ def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress) -> Separa
     missing = [effect for effect in load_effects().values() if effect not in fitted and effect.event is None]
     # Those that change the model at their start values.
     effects = [one for one in missing if any(p.null is not None and p.value != p.null for p in one.parameters)]
-    weight = np.gradient(drive.time_s) / _CORRELATION_S / (RESIDUAL_DEG * DEG) ** 2 * drive.known
+    # A sample counts as its interval over the correlation time of a good record's residual, ten seconds: a choice.
+    weight = np.gradient(drive.time_s) / 10.0 / (RESIDUAL_DEG * DEG) ** 2 * drive.known
     always = tuple(effect.id for effect in fitted)
     models = {chosen: ActuatorModel(spec, chosen) for chosen in [always, *((*always, effect.id) for effect in effects)]}
     explanations = [

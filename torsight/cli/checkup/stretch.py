@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import Any, Final
 
 import numpy as np
 
-from torsight.cli.checkup.finding import RESIDUAL_DEG, Finding, refusal
+from torsight.cli.checkup.finding import RESIDUAL_DEG, Check
 from torsight.cli.track import LEAST, WHY, gap_words, unsure_markers
 from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Camera
@@ -37,16 +39,16 @@ of an edge's blur, 4 % for the 0.7 px of an ordinary lens."""
 
 
 def track_stretches(
+    check: Check,
     clips: Sequence[Clip],
     start: Start,
     *,
-    about: str,
     total: int,
     hints: MarkerHints | None,
     camera: Camera | None,
     progress: Progress,
-) -> tuple[list[Finding], dict[str, Any]]:
-    """Track stretches of a film of ``total`` frames and return the results, as findings and as figures.
+) -> None:
+    """Track stretches of a film of ``total`` frames, and add the results to its check, as findings and as figures.
 
     The first clip begins where a run begins, with the markers that a run would find; the last clip has the largest
     motion. ``hints`` hold for the film's first frame.
@@ -61,53 +63,51 @@ def track_stretches(
             continue
         tracked.append((clip, result, orient(result.tracks, camera, pixel_aspect=clip.pixel_aspect)))
     if not tracked:
-        return [_nothing(clips, errors, about=about, total=total)], {}
+        check.refuse(_nothing(clips, errors, total=total))
+        return
     accounts = [
         account(result, orientation, doubts=(), pictures=clip.pictures) for clip, result, orientation in tracked
     ]
-    findings, coverage = _look_at_coverage(
-        accounts, [clip for clip, _, _ in tracked], start, about=about, total=total, given=hints is not None
-    )
-    if start.doubtful:
-        findings.append(_faint(start, about))
-    where = clips[0].name.rpartition(", ")[0]
-    # People get complete sentences, each from the first stretch that gives it.
-    said = {
-        words: Finding(about, "limits", words)
-        for _, result, orientation in tracked
-        for words in doubts_of_turns(orientation.angles) + doubts(result)
-    }
-    unsure = [lacking for one in accounts if (lacking := unsure_markers(one, where=where)) is not None]
-    findings += [*said.values(), *(refusal(about, lacking) for lacking in unsure[:1])]
     clip, result, orientation = tracked[-1]
     names = ("markers", "frames", "noise", "compression", "tilt")
-    content: dict[str, Any] = {
-        "tracked": {"first_frame": clip.first, **{name: accounts[-1][name] for name in names if name in accounts[-1]}},
-        "coverage": coverage,
-    }
-    findings += _look_at_account(accounts, about)
-    findings += _look_at_tilt(accounts[-1], about, camera)
-    more, motion = _look_at_speed(about, result, orientation, accounts[-1]["markers"]["shutter_share_of_frame"] or 0.0)
-    return findings + more, content | motion
+    last = {name: accounts[-1][name] for name in names if name in accounts[-1]}
+    check.content["tracked"] = {"first_frame": clip.first, **last}
+    taken = [clip for clip, _, _ in tracked]
+    _look_at_coverage(check, accounts, taken, start, total=total, given=hints is not None)
+    if start.doubtful:
+        places = ", ".join(f"[{marker.x_px:.0f}, {marker.y_px:.0f}]" for marker in start.markers)
+        faint = f"the dots at {places} in frame {start.frame} hardly stand out"
+        advice = "look at them with 'torsight markers', and pick the markers there"
+        check.add("limits", f"{faint}: they may be something else than the markers.", advice)
+    where = clips[0].name.rpartition(", ")[0]
+    # People get complete sentences, each from the first stretch that gives it.
+    said = (doubts_of_turns(orientation.angles) + doubts(result) for _, result, orientation in tracked)
+    for words in dict.fromkeys(chain.from_iterable(said)):
+        check.add("limits", words)
+    unsure = [lacking for one in accounts if (lacking := unsure_markers(one, where=where)) is not None]
+    for lacking in unsure[:1]:
+        check.refuse(lacking)
+    _look_at_account(check, accounts)
+    _look_at_tilt(check, accounts[-1], camera)
+    _look_at_speed(check, result, orientation, accounts[-1]["markers"]["shutter_share_of_frame"] or 0.0)
 
 
-def _nothing(clips: Sequence[Clip], errors: Sequence[NoResultError], *, about: str, total: int) -> Finding:
-    """Return the finding that no stretch gave an angle."""
+def _nothing(clips: Sequence[Clip], errors: Sequence[NoResultError], *, total: int) -> NoResultError:
+    """Return the error that no stretch gave an angle."""
     if sum(clip.frame_count for clip in clips) >= total:
-        return refusal(about, errors[0])
+        return errors[0]
     tried = " and ".join(f"{clip.first} to {clip.first + clip.frame_count - 1}" for clip in clips)
-    error = NoResultError(
+    return NoResultError(
         "no frame has an angle in the tracked stretches, at the start of a run and where the picture changes most",
         where=f"{clips[0].name.rpartition(', ')[0]}, frames {tried}",
         value=errors[-1].what,
         do=errors[-1].do,
     )
-    return refusal(about, error)
 
 
 def _look_at_coverage(
-    accounts: Sequence[Mapping[str, Any]], clips: Sequence[Clip], start: Start, *, about: str, total: int, given: bool
-) -> tuple[list[Finding], dict[str, Any]]:
+    check: Check, accounts: Sequence[Mapping[str, Any]], clips: Sequence[Clip], start: Start, *, total: int, given: bool
+) -> None:
     """Report how many frames have an angle, extrapolated to the whole film."""
     frames = sum(one["frames"]["total"] for one in accounts)
     known = sum(one["frames"]["with_angle"] for one in accounts)
@@ -117,47 +117,39 @@ def _look_at_coverage(
         share = known / frames if frames else 0.0
     else:
         share = known / frames * (total - before) / total
-    content = {"tracked_frames": frames, "with_angle": known, "before_markers": before, "expected_share": share}
+    numbers = {"tracked_frames": frames, "with_angle": known, "before_markers": before, "expected_share": share}
+    check.content["coverage"] = numbers
     text = f"{known} of {counted(frames, 'frame')} that were tracked have an angle"
     if before:
         text += f"; the markers are first seen in frame {before}, {100 * before / total:.0f} % into the film"
-    why: dict[str, int] = {}
-    for one in accounts:
-        for name, count in one["frames"]["causes"].items():
-            why[name] = why.get(name, 0) + count
+    why = sum((Counter(one["frames"]["causes"]) for one in accounts), Counter[str]())
     most = max(why, key=lambda name: why[name], default="")
     if most in WHY:
         text += f"; most of the others: {WHY[most]}"
-    if share >= USUAL_SHARE:
-        return [Finding(about, "fine", f"{text}.")], content
     advice = next((words for one in accounts if (words := gap_words(one))), "")
-    if share >= LEAST:
-        return [Finding(about, "limits", f"{text}.", advice)], content
-    error = NoResultError(
-        "less than half of the frames would have an angle",
-        where=clips[0].name.rpartition(", ")[0],
-        value=text,
-        limit=f"{100 * LEAST:.0f} % or more of the film",
-        do=advice or "look at track.png of 'torsight track'",
-    )
-    return [refusal(about, error)], content
+    if share >= USUAL_SHARE:
+        check.add("fine", f"{text}.")
+    elif share >= LEAST:
+        check.add("limits", f"{text}.", advice)
+    else:
+        lacking = NoResultError(
+            "less than half of the frames would have an angle",
+            where=clips[0].name.rpartition(", ")[0],
+            value=text,
+            limit=f"{100 * LEAST:.0f} % or more of the film",
+            do=advice or "look at track.png of 'torsight track'",
+        )
+        check.refuse(lacking)
 
 
-def _faint(start: Start, about: str) -> Finding:
-    places = ", ".join(f"[{marker.x_px:.0f}, {marker.y_px:.0f}]" for marker in start.markers)
-    text = f"the dots at {places} in frame {start.frame} hardly stand out: they may be something else than the markers."
-    return Finding(about, "limits", text, "look at them with 'torsight markers', and pick the markers there")
-
-
-def _look_at_account(accounts: Sequence[Mapping[str, Any]], about: str) -> list[Finding]:
+def _look_at_account(check: Check, accounts: Sequence[Mapping[str, Any]]) -> None:
     """Turn the tracker's account of the stretches into findings: accuracy of the angle, and advice."""
-    findings: list[Finding] = []
     sigma = accounts[-1]["noise"]["angle_sigma_deg"]
     if sigma["median"] is not None:
         level = "limits" if sigma["median"] > RESIDUAL_DEG else "fine"
         bound = "" if sigma["bound"] is None else f" (bound of its noise {sigma['bound']:.4f}°)"
         text = f"angle known to {sigma['median']:.4f}°{bound}: {_markers_text(accounts[-1])}."
-        findings.append(Finding(about, level, text, angle_deg=sigma["median"]))
+        check.add(level, text, angle_deg=sigma["median"])
     seen: set[str] = set()
     for words in (words for one in reversed(accounts) for words in one["advice"]):
         text, _, advice = words.partition(": ")
@@ -167,8 +159,7 @@ def _look_at_account(accounts: Sequence[Mapping[str, Any]], about: str) -> list[
             continue
         seen.add(same)
         level = "limits" if "frames have no angle" in words or "light was off" in words else "note"
-        findings.append(Finding(about, level, text.rstrip(".") + ".", advice.rstrip("."), sigma["median"]))
-    return findings
+        check.add(level, text.rstrip(".") + ".", advice.rstrip("."), sigma["median"])
 
 
 def _markers_text(summary: Mapping[str, Any]) -> str:
@@ -182,50 +173,39 @@ def _markers_text(summary: Mapping[str, Any]) -> str:
     return f"{what}, contrast {contrast:.0f} and noise {residual:.1f} grey levels"
 
 
-def _look_at_tilt(summary: Mapping[str, Any], about: str, camera: Camera | None) -> list[Finding]:
+def _look_at_tilt(check: Check, summary: Mapping[str, Any], camera: Camera | None) -> None:
     tilt = summary.get("tilt", {})
     if camera is not None and camera.pose is not None:
-        return []
+        return
     if not tilt.get("known", False) or tilt.get("error_it_can_make_deg", 0.0) > KNOWN / DEG:
         text = (
             "without a camera file the tilt is estimated from the markers' own circles, and this stretch does not show "
             "it; an unknown tilt of 10° changes the angle by up to 0.4°."
         )
-        return [Finding(about, "note", text, "calibrate the camera with one picture of the board on the disk")]
-    return []
+        check.add("note", text, "calibrate the camera with one picture of the board on the disk")
 
 
-def _look_at_speed(
-    about: str, result: TrackResult, orientation: Orientation, shutter: float
-) -> tuple[list[Finding], dict[str, Any]]:
+def _look_at_speed(check: Check, result: TrackResult, orientation: Orientation, shutter: float) -> None:
     """Report the motion from frame to frame and while the shutter is open."""
     angles = orientation.angles
     known = angles.valid & angles.branch_certain
     time_s, angle_deg = angles.time_s[known], angles.angle_rad[known] / DEG
     outer = result.tracks.position_px[:, 3]
     if len(time_s) < 3:
-        return [], {}
+        return
     next_to = np.diff(np.flatnonzero(known)) == 1
     step_deg = float(np.quantile(np.abs(np.diff(angle_deg))[next_to], 0.99)) if next_to.any() else 0.0
     rate_deg_s = float(np.nanquantile(np.abs(np.diff(angle_deg) / np.diff(time_s)), 0.99))
     moved = np.hypot(*np.diff(outer, axis=0).T)
     step_px = float(np.nanquantile(moved, 0.99)) if np.isfinite(moved).any() else 0.0
-    range_deg = float(np.ptp(angle_deg))
     smear_px = shutter * step_px
-    findings: list[Finding] = []
-    motion = {
-        "range_deg": range_deg,
-        "rate_deg_s": rate_deg_s,
-        "step_deg": step_deg,
-        "step_px": step_px,
-        "smear_px": smear_px,
-    }
+    motion = {"range_deg": float(np.ptp(angle_deg)), "rate_deg_s": rate_deg_s, "step_deg": step_deg}
+    check.content["motion"] = motion | {"step_px": step_px, "smear_px": smear_px}
     if step_deg > _FAST_DEG:
         text = f"turns by up to {step_deg:.1f}° from one frame to the next ({rate_deg_s:.0f}°/s)."
-        findings.append(Finding(about, "limits", text, f"film faster: {_FAST_DEG:g}° per frame and less are safe"))
+        check.add("limits", text, f"film faster: {_FAST_DEG:g}° per frame and less are safe")
     if smear_px > _SMEAR_PX:
         text = (
             f"smears the outer marker by {smear_px:.1f} px: the shutter is open for {100 * shutter:.0f} % of a frame."
         )
-        findings.append(Finding(about, "note", text, "shorten the exposure, with more light"))
-    return findings, {"motion": motion}
+        check.add("note", text, "shorten the exposure, with more light")

@@ -59,17 +59,13 @@ def provenance(*, inputs: Iterable[Path], configuration: Mapping[str, Any], seed
     Every input is hashed, folders file by file in the order of their names; the configuration is the one that was used,
     with defaults filled in. Paths are relative to ``folder``.
     """
+    files: list[Path] = []
+    for path in inputs:
+        files += sorted(filter(Path.is_file, path.iterdir())) if path.is_dir() else [path]
     return {
         "command": "torsight run",
         "versions": versions(),
-        "inputs": {named_from(folder, path): file_hash(path) for path in _files(inputs)},
+        "inputs": {named_from(folder, path): file_hash(path) for path in files},
         "configuration": dict(configuration),
         "seed": seed,
     }
-
-
-def _files(paths: Iterable[Path]) -> list[Path]:
-    files: list[Path] = []
-    for path in paths:
-        files += sorted(item for item in path.iterdir() if item.is_file()) if path.is_dir() else [path]
-    return files

@@ -29,8 +29,7 @@ _MERGED = TABLE_KINDS["merged"].signs
 def write_angles(path: AnyPath, angles: StickAngles) -> None:
     """Write ``angle.csv``: one row per frame; angle and sigma are empty where not valid."""
     require_kind(angles, StickAngles, where="write_angles, angles", do="read_angles(path) gives one")
-    path = Path(path)
-    write_table(path, angle_columns(angles))
+    write_table(Path(path), angle_columns(angles))
 
 
 def frame_numbers(table: pd.DataFrame, *, path: Path) -> Ints:
@@ -165,16 +164,11 @@ def read_merged(path: AnyPath) -> SyncedTable:
     time_s = frame["time_s"].to_numpy(np.float64)
     require_increasing(time_s, path=path)
     angle_rad, sigma_rad = _angle_rad(frame, path=path)
-    require_units(time_s, {name: frame[name].to_numpy(np.float64) for name in _MERGED[3:]}, where=str(path))
-    return SyncedTable(
-        time_s=time_s,
-        angle_rad=angle_rad,
-        angle_sigma_rad=sigma_rad,
-        temp_a_c=frame["temp_a_c"].to_numpy(np.float64),
-        temp_b_c=frame["temp_b_c"].to_numpy(np.float64),
-        **switches_and_extra(frame, known=_MERGED, where=str(path)),
-        clock_sigma_s=_clock_sigma_s(path.parent / "sync.json"),
-    )
+    temp_a_c, temp_b_c = (frame[name].to_numpy(np.float64) for name in ("temp_a_c", "temp_b_c"))
+    require_units(time_s, {"temp_a_c": temp_a_c, "temp_b_c": temp_b_c}, where=str(path))
+    rest = switches_and_extra(frame, known=_MERGED, where=str(path))
+    rest["clock_sigma_s"] = _clock_sigma_s(path.parent / "sync.json")
+    return SyncedTable(time_s, angle_rad, sigma_rad, temp_a_c, temp_b_c, **rest)
 
 
 def _clock_sigma_s(path: Path) -> float | None:

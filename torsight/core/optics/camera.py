@@ -17,7 +17,8 @@ from torsight.core.frozen import Frozen
 from torsight.core.optics.geometry import rotation_matrix
 from torsight.core.units import Floats
 
-_INTRINSICS = ("width", "height", "fx_px", "fy_px", "cx_px", "cy_px", "distortion")
+_PLACES = {"fx_px": (0, 0), "fy_px": (1, 1), "cx_px": (0, 2), "cy_px": (1, 2)}
+"""Row and column of each key in the camera's matrix."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -192,21 +193,16 @@ def _intrinsics_content(intrinsics: Intrinsics) -> dict[str, Any]:
     return {
         "width": intrinsics.size_px[0],
         "height": intrinsics.size_px[1],
-        "fx_px": float(intrinsics.matrix[0, 0]),
-        "fy_px": float(intrinsics.matrix[1, 1]),
-        "cx_px": float(intrinsics.matrix[0, 2]),
-        "cy_px": float(intrinsics.matrix[1, 2]),
+        **{name: float(intrinsics.matrix[place]) for name, place in _PLACES.items()},
         "distortion": intrinsics.distortion.tolist(),
     }
 
 
 def _intrinsics(table: Mapping[str, Any], *, where: str) -> Intrinsics:
-    check_keys(table, _INTRINSICS, where=where)
+    check_keys(table, ("width", "height", *_PLACES, "distortion"), where=where)
     matrix = np.eye(3)
-    matrix[0, 0] = get_number(table, "fx_px", where=where, lower=1e-9)
-    matrix[1, 1] = get_number(table, "fy_px", where=where, lower=1e-9)
-    matrix[0, 2] = get_number(table, "cx_px", where=where)
-    matrix[1, 2] = get_number(table, "cy_px", where=where)
+    for name, place in _PLACES.items():
+        matrix[place] = get_number(table, name, where=where, lower=1e-9 if name.startswith("f") else -np.inf)
     distortion = np.array(get_numbers(table, "distortion", 5, where=where)) if "distortion" in table else np.zeros(5)
     width, height = (get_whole(table, key, where=where, lower=1) for key in ("width", "height"))
     return Intrinsics(size_px=(width, height), matrix=matrix, distortion=distortion)

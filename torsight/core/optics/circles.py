@@ -17,7 +17,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,13 +50,12 @@ class Sight:
         intrinsics: Intrinsics,
         *,
         shared_px2: Floats | None = None,
-        rotation: Floats | None = None,
-        shift: Floats | None = None,
+        **pose: Floats,
     ) -> Sight:
         """Return the sights of a camera at pixel positions (n, 2, 2).
 
         ``covariance_px2`` (n, 2, 2, 2) is each marker's own covariance; ``shared_px2`` (n,) is the variance along each
-        axis of an error that both markers share, such as that of a camera that moved.
+        axis of an error that both markers share, such as that of a camera that moved; ``pose`` is rotation and shift.
         """
         ray, slope = ray_from_pixel(position_px, intrinsics)
         seen = np.asarray(np.isfinite(ray).all(axis=-1))
@@ -71,9 +69,7 @@ class Sight:
         if shared_px2 is not None:
             both = slope.reshape(-1, 4, 2)
             covariance += shared_px2[:, None, None] * (both @ np.swapaxes(both, -1, -2))
-        return cls(
-            ray, covariance, np.eye(3) if rotation is None else rotation, np.zeros(3) if shift is None else shift
-        )
+        return cls(ray, covariance, **pose)
 
     @cached_property
     def seen(self) -> Flags:
@@ -116,9 +112,6 @@ class Sight:
         return np.where(known, ray - self.ray, 0.0), np.where(known, slope, 0.0)
 
 
-_ANGLE_STEPS: Final = 2
-"""Gauss-Newton steps for θ: the error of the first guess is the pictures' noise over a radius, and each step about
-squares it."""
 # Indices of the shared values.
 _TILT, _POINT, _RADII = slice(0, 2), slice(2, 5), slice(5, 7)
 _BETWEEN, _RISE, _VALUES = 7, 8, 9
@@ -310,8 +303,11 @@ class Circles:
         return np.angle(total)
 
     def _best_angle(self, values: Floats, angle: Floats) -> Floats:
-        """Return the least-squares θ (n,), from a guess near it."""
-        for _ in range(_ANGLE_STEPS):
+        """Return the least-squares θ (n,), from a guess near it, by two Gauss-Newton steps.
+
+        The error of the first guess is the pictures' noise over a radius, and each step about squares it.
+        """
+        for _ in range(2):
             gradient, information, _ = self._normal_equation(values, angle)
             angle = angle - gradient / np.where(information > 0.0, information, 1.0)
         return angle

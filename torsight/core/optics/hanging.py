@@ -33,8 +33,6 @@ _LENGTHS_RAD: Final = (0.1, 0.35, 1.2)
 """Correlation lengths that are tried, 6° to 70°, spaced by a factor of 3.5; shorter: white noise; longer: an offset."""
 _RATIOS: Final = np.geomspace(0.25, 16.0, 7)
 """Ratios of the correlated errors' size to their usual size that are tried."""
-_SPREAD: Final = 1.2
-"""Prior standard deviation of the logarithm of this ratio: a factor of three."""
 _AS_LIKELY: Final = 0.5 * REACH**2
 """Difference of log-likelihood from the best at the end of a 95 % interval (Wilks, 1938)."""
 _MOST_ROWS: Final = 160
@@ -79,10 +77,11 @@ def whitening(
             left = flat - basis @ (basis.T @ flat)
             free = max(n * q - columns.shape[1], 1)
             white = max(1.0, float(np.sqrt(left @ left / free)))
-            # The restricted log-likelihood, maximised over the white noise, and the prior of the ratio.
+            # The restricted log-likelihood, maximised over the white noise, and the prior of the ratio: within a factor
+            # of three, the logarithm's standard deviation is 1.2.
             lost = float(np.sum(np.log(np.maximum(np.abs(np.diag(triangle)), 1e-12))))
             score = -0.5 * q * float(np.sum(np.log(variance))) - lost - free * np.log(white)
-            score -= 0.5 * float(left @ left) / white**2 + 0.5 * (np.log(ratio) / _SPREAD) ** 2
+            score -= 0.5 * float(left @ left) / white**2 + 0.5 * (np.log(ratio) / 1.2) ** 2
             found.append((score, (white * ratio) ** 2 * length, (ways / np.sqrt(variance)).T / white))
     limit = max(score for score, _, _ in found) - _AS_LIKELY
     likely = [(care, whiten) for score, care, whiten in found if score >= limit]

@@ -13,12 +13,9 @@ from torsight.core.errors import NoResultError
 from torsight.core.frozen import Frozen
 from torsight.core.units import Floats
 
-_STICKS = {"base": (0, 1), "moving": (2, 3)}
+_STICKS = {"base": [0, 1], "moving": [2, 3]}
 _SIGNIFICANT: Final = NormalDist().inv_cdf(1.0 - 0.5e-4)
 """Standard deviations from which a difference of lengths is reported: noise exceeds them once in 10⁴ sticks."""
-_BY_HAND_SIGMA_MM: Final = 0.1
-"""Standard deviation of a distance that was measured by hand: a caliper is read to 0.05 mm, and the middles of both
-dots are found by eye to about as much, which makes √3 · 0.05 mm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,10 +47,8 @@ class ScaleCheck(Frozen):
 
     def to_json(self) -> dict[str, Any]:
         """Return the form of the check in the JSON outputs."""
-        return {
-            "sticks": {name: asdict(stick) for name, stick in self.sticks.items()},
-            "complaints": list(self.complaints),
-        }
+        sticks = {name: asdict(stick) for name, stick in self.sticks.items()}
+        return {"sticks": sticks, "complaints": list(self.complaints)}
 
 
 def check_scale(
@@ -69,7 +64,7 @@ def check_scale(
     known = known_mm or {}
     sticks = {
         name: _length(position_mm[:, ends], covariance_mm2[:, ends], name=name, known_mm=known.get(name))
-        for name, ends in ((name, list(pair)) for name, pair in _STICKS.items())
+        for name, ends in _STICKS.items()
     }
     return ScaleCheck(sticks, tuple(_complaints(sticks)))
 
@@ -102,7 +97,8 @@ def _complaints(sticks: Mapping[str, StickLength]) -> list[str]:
                 "as the markers' sigmas explain; check the calibration and that neither camera moved"
             )
         if stick.known_mm:
-            sigma = float(np.hypot(stick.sigma_mm, _BY_HAND_SIGMA_MM)) / stick.known_mm
+            # By hand: a caliper is read to 0.05 mm, and the middles of both dots are found by eye to about as much.
+            sigma = float(np.hypot(stick.sigma_mm, 0.1)) / stick.known_mm
             scales[name] = (stick.ratio, sigma)
             if abs(stick.ratio - 1.0) > _SIGNIFICANT * sigma:
                 found.append(

@@ -37,14 +37,20 @@ def one_thread() -> Iterator[None]:
     if _alone.get():
         yield
         return
-    inside = _alone.set(True)
-    try:
+    with contextlib.ExitStack() as afterwards:
+        afterwards.callback(_alone.reset, _alone.set(True))
         # The limit holds for libraries that are loaded already, the variables for those that are loaded within.
-        pools = _pools(len(sys.modules))
-        with _in_environment(dict.fromkeys(VARIABLES, "1")), pools.limit(limits=1, user_api="blas"), _opencv():
-            yield
-    finally:
-        _alone.reset(inside)
+        for name in VARIABLES:
+            if name in os.environ:
+                afterwards.callback(os.environ.__setitem__, name, os.environ[name])
+            else:
+                afterwards.callback(os.environ.pop, name, None)
+            os.environ[name] = "1"
+        afterwards.enter_context(_pools(len(sys.modules)).limit(limits=1, user_api="blas"))
+        if (cv2 := sys.modules.get("cv2")) is not None:
+            afterwards.callback(cv2.setNumThreads, cv2.getNumThreads())
+            cv2.setNumThreads(1)
+        yield
 
 
 @functools.lru_cache(maxsize=1)
@@ -52,34 +58,6 @@ def _pools(modules: int) -> ThreadpoolController:
     """Return the loaded libraries; the search takes milliseconds and is repeated when the number of modules changes."""
     del modules
     return ThreadpoolController()
-
-
-@contextlib.contextmanager
-def _in_environment(values: dict[str, str]) -> Iterator[None]:
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
-
-
-@contextlib.contextmanager
-def _opencv() -> Iterator[None]:
-    cv2 = sys.modules.get("cv2")
-    if cv2 is None:
-        yield
-        return
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(before)
 
 
 def in_parallel(

@@ -11,40 +11,25 @@ from typing import Final
 Colour = tuple[int, int, int]
 """Red, green, blue: 0 to 255."""
 
-LIGHT: Final = {
-    "paper": "#ffffff",
-    "card": "#f6f7f9",
-    "ink": "#16191d",
-    "muted": "#5b6470",
-    "rule": "#dfe3e8",
-    "measured": "#9aa3ad",
-    "before": "#d55e00",
-    "after": "#0072b2",
-    "spring-a": "#b5548a",
-    "spring-b": "#007f5c",
-    "held": "#e69f00",
-    "lost": "#6b7480",
-    "alarm": "#a33d00",
-    "quiet": "#b4bcc6",
+_LIGHT_AND_DARK: Final = {
+    "paper": ("#ffffff", "#14171b"),
+    "card": ("#f6f7f9", "#1d2127"),
+    "ink": ("#16191d", "#eceff3"),
+    "muted": ("#5b6470", "#a3adb9"),
+    "rule": ("#dfe3e8", "#333a43"),
+    "measured": ("#9aa3ad", "#7b8694"),
+    "before": ("#d55e00", "#f0883e"),
+    "after": ("#0072b2", "#56b4e9"),
+    "spring-a": ("#b5548a", "#e39bc4"),
+    "spring-b": ("#007f5c", "#3ccfa0"),
+    "held": ("#e69f00", "#f0c050"),
+    "lost": ("#6b7480", "#97a2af"),
+    "alarm": ("#a33d00", "#f0a070"),
+    "quiet": ("#b4bcc6", "#566070"),
 }
+LIGHT: Final = {name: light for name, (light, _) in _LIGHT_AND_DARK.items()}
 """Colours by their meaning; every value occurs once, so that a colour has one meaning."""
-
-DARK: Final = {
-    "paper": "#14171b",
-    "card": "#1d2127",
-    "ink": "#eceff3",
-    "muted": "#a3adb9",
-    "rule": "#333a43",
-    "measured": "#7b8694",
-    "before": "#f0883e",
-    "after": "#56b4e9",
-    "spring-a": "#e39bc4",
-    "spring-b": "#3ccfa0",
-    "held": "#f0c050",
-    "lost": "#97a2af",
-    "alarm": "#f0a070",
-    "quiet": "#566070",
-}
+DARK: Final = {name: dark for name, (_, dark) in _LIGHT_AND_DARK.items()}
 """The same for a dark screen, and for the viewer."""
 
 

@@ -31,10 +31,9 @@ SPRING_C: Final = (-273.15, 250.0)
 a room in kelvin has 290."""
 HEATED_C: Final = 12.0
 """Smallest rise that moves a spring: the reference rig's transformation takes 18 °C on heating, 14 °C on cooling."""
-_WARMEST_REST_C: Final = 55.0
-"""Highest temperature at rest: a room is colder in °C; in °F it has 60 and more, in kelvin 290."""
-_COLDEST_C: Final = -100.0
-"""Lowest temperature of a rig: in a room, °C taken for kelvin are converted to −250 °C."""
+_AT_REST_C: Final = (-100.0, 55.0)
+"""Range of a spring's temperature at rest: °C of a room that are taken for kelvin are converted to −250 °C; in °F a
+room has 60 and more, in kelvin 290."""
 _SECONDS: Final = "give times in seconds, not in milliseconds, minutes or days, or state a log's unit: --units time=ms"
 
 
@@ -91,20 +90,20 @@ def require_units(time_s: Floats, temps_c: Mapping[str, Floats], *, where: str, 
 
 def _require_cold(temp_c: Floats, *, where: str) -> None:
     coldest = float(temp_c.min())
-    if coldest < _COLDEST_C:
+    if coldest < _AT_REST_C[0]:
         raise InputError(
             "is colder than any rig",
             where=where,
             value=f"{coldest:.1f} °C",
-            limit=f"{_COLDEST_C:g} °C or more",
+            limit=f"{_AT_REST_C[0]:g} °C or more",
             do="say in which unit the temperatures are: °C under a header that says kelvin comes out so",
         )
-    if coldest > _WARMEST_REST_C:
+    if coldest > _AT_REST_C[1]:
         raise InputError(
             "never is as cold as a room",
             where=where,
             value=f"{coldest:.1f} °C at least",
-            limit=f"below {_WARMEST_REST_C:g} °C at rest",
+            limit=f"below {_AT_REST_C[1]:g} °C at rest",
             do="give temperatures in °C, not in °F or kelvin, and begin the record with cold springs",
         )
 

@@ -19,16 +19,8 @@ from torsight.report.figures.residuals import is_plain, pairs_of_bars, shade_flo
 from torsight.report.plots.panels import Axis, Panel
 from torsight.report.sections.parameter_table import Prior, common_reach
 
-_NARROW: Final = 0.62
-"""Height of a bar, as a share of the distance between two: 16 of 26 px, around letters of 12 px."""
-_MOST_CANDIDATES: Final = 8
-"""Number of candidates that are drawn, those that explain most: with it the figure is as high as the others."""
 _SURELY: Final = math.log(1e6)
 """Logarithm of the largest ratio of probabilities that is told in figures: who reads "a million" needs no more."""
-_MOTION_HEIGHT: Final = 130.0
-_LEFT_HEIGHT: Final = 172.0
-"""Heights of the two plots at the head of the page: together those of the three numbers beside them, so that the next
-steps are visible without scrolling in a window of 1280 by 800."""
 
 
 def before_and_after(curves: pd.DataFrame, floor_deg: float | None) -> Figure:
@@ -36,10 +28,12 @@ def before_and_after(curves: pd.DataFrame, floor_deg: float | None) -> Figure:
     time_s, angle = column(curves, "time_s"), column(curves, "angle_deg")
     plain, extended = column(curves, "plain_deg"), column(curves, "extended_deg")
     before, after = column(curves, "residual_before_deg"), column(curves, "residual_after_deg")
-    motion = Panel(Axis.along("", time_s), Axis.around(ANGLE, angle, plain, extended), width=720, height=_MOTION_HEIGHT)
+    # Together the two plots are as high as the three numbers beside them, so that the next steps are visible without
+    # scrolling in a window of 1280 by 800.
+    motion = Panel(Axis.along("", time_s), Axis.around(ANGLE, angle, plain, extended), width=720, height=130.0)
     shade_held_out(motion, curves)
     models(motion, time_s, angle, plain, extended, ordered=True)
-    left = Panel(Axis.along(TIME, time_s), Axis.around(RESIDUAL, before, after), width=720, height=_LEFT_HEIGHT)
+    left = Panel(Axis.along(TIME, time_s), Axis.around(RESIDUAL, before, after), width=720, height=172.0)
     shade_held_out(left, curves)
     shade_floor(left, floor_deg)
     errors(left, time_s, before, after, alike=is_plain(curves))
@@ -64,7 +58,8 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
     if best <= 0.0 or verdict in ("none", "unknown"):
         # A share of a negligible gain would look like an explanation.
         return None
-    ranked = sorted(gains.items(), key=lambda item: -item[1])[:_MOST_CANDIDATES]
+    # With eight bars the figure is as high as the others.
+    ranked = sorted(gains.items(), key=lambda item: -item[1])[:8]
     named = {str(effect["id"]) for effect in discovery.get("effects") or []}
     rivals = {str(one) for names in discovery.get("alternatives") or [] for one in names}
     places = list(range(len(ranked), 0, -1))
@@ -82,7 +77,8 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
     shares = [100.0 * max(gain, 0.0) / best for _, gain in ranked]
     for place, (name, gain), share in zip(places, ranked, shares, strict=True):
         kind = "after" if name in named else ("rival" if name in rivals else "quiet")
-        plot.box((0.0, share), (place - _NARROW / 2.0, place + _NARROW / 2.0), kind, tip=f"gain {gain:.4g}")
+        # 16 of the 26 px from one bar to the next, around letters of 12 px.
+        plot.box((0.0, share), (place - 0.31, place + 0.31), kind, tip=f"gain {gain:.4g}")
         plot.note(share, place, f"{share:.1f} %".replace("100.0", "100"))
     effects, explained = map(list, zip(*ranked, strict=True))
     data: dict[str, list[Any]] = {"effect": effects, "gain": explained, "percent": shares}
@@ -122,8 +118,9 @@ def pulls(
     names = [name for name, prior in known.items() if prior.sigma and name in plain and not plain[name].get("fixed")]
     if not names:
         return None
-    fits = [(plain, "before", 0.17), (after, "after", -0.17)] if extended else [(plain, "before", 0.0)]
-    found = {(name, kind): known[name].pull(fit.get(name)) for name in names for fit, kind, _ in fits}
+    fits = [("plain", plain, "before", 0.17 if extended else 0.0)]
+    fits += [("extended", after, "after", -0.17)] if extended else []
+    found = {(name, kind): known[name].pull(fit.get(name)) for name in names for _, fit, kind, _ in fits}
     reach = common_reach(found.values())
     places = {name: float(len(names) - k) for k, name in enumerate(names)}
     plot = Panel(
@@ -135,7 +132,7 @@ def pulls(
     for width in (2.0, 1.0):
         plot.band(-width, width, "prior", label="± 1 and ± 2 standard deviations" if width == 1.0 else "")
     for name, place in places.items():
-        for fit, kind, shift in fits:
+        for label, fit, kind, shift in fits:
             pull = found[name, kind]
             if pull is None:
                 continue
@@ -143,12 +140,9 @@ def pulls(
             if ends is not None:
                 shown = np.clip(ends, -reach, reach)
                 plot.line(shown, [place + shift] * 2, f"{kind} interval", ordered=False)
-            plot.points(
-                [pull], [place + shift], kind, label="plain model" if kind == "before" else "extended model", radius=4.5
-            )
+            plot.points([pull], [place + shift], kind, label=f"{label} model", radius=4.5)
     data: dict[str, list[Any]] = {"parameter": names}
-    for fit, kind, _ in fits:
-        label = "plain" if kind == "before" else "extended"
+    for label, fit, kind, _ in fits:
         spreads = [known[name].interval(fit.get(name) or {}) for name in names]
         data[f"{label}_sigmas"] = [found[name, kind] for name in names]
         data[f"{label}_low_sigmas"] = [None if end is None else end[0] for end in spreads]

@@ -18,10 +18,6 @@ TIME: Final = "time (s)"
 ANGLE: Final = "angle (°)"
 RESIDUAL: Final = "measured − model (°)"
 TEMPERATURE: Final = "temperature (°C)"
-_TOOLS_PX: Final = 32.0
-"""Height of Bokeh's row of tools."""
-
-
 CURVES: Final = "curves.csv"
 
 
@@ -49,8 +45,8 @@ class Figure:
 
     @property
     def drawn_height(self) -> float:
-        """Height in pixels, with Bokeh's row of tools above panels that share it."""
-        return self.height + (_TOOLS_PX if len(self.panels) > 1 else 0.0)
+        """Height in pixels, with Bokeh's row of tools, 32 px, above panels that share it."""
+        return self.height + (32.0 if len(self.panels) > 1 else 0.0)
 
     @property
     def legend(self) -> list[tuple[str, str, Style]]:

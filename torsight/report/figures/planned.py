@@ -50,17 +50,10 @@ def segments(content: Mapping[str, Any]) -> list[tuple[str, ...]]:
         if not isinstance(item, Mapping):
             continue
         rate, hold = item.get("rate_c_per_s"), item.get("hold_s")
-        rows.append(
-            (
-                str(item.get("spring", "")).upper(),
-                str(item.get("action", "")),
-                number(item.get("from_c")),
-                number(item.get("to_c")),
-                "by itself" if rate is None else number(rate),
-                "" if not hold else number(hold),
-                number(item.get("duration_s"), 4),
-            )
-        )
+        done = str(item.get("spring", "")).upper(), str(item.get("action", ""))
+        temps = number(item.get("from_c")), number(item.get("to_c"))
+        pace = "by itself" if rate is None else number(rate), "" if not hold else number(hold)
+        rows.append((*done, *temps, *pace, number(item.get("duration_s"), 4)))
     return rows
 
 

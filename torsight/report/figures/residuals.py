@@ -16,9 +16,6 @@ from torsight.core.words.wording import number
 from torsight.report.figures.motion import CURVES, RESIDUAL, TIME, Figure, is_driven, shade_held_out
 from torsight.report.plots.panels import Axis, Panel
 
-_BINS: Final = 25
-"""Bins of a variable over which residuals are averaged, each 4 % of its range: a choice that affects only pictures."""
-
 
 def is_plain(curves: pd.DataFrame) -> bool:
     """Return whether the curves are only those of the plain model, because nothing was added to it."""
@@ -166,11 +163,11 @@ def branches(curves: pd.DataFrame) -> dict[str, Flags]:
     return {name: branch for name, branch in found.items() if branch.any()}
 
 
-def bin_means(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+def bin_means(x: Floats, y: Floats, *, bins: int = 25) -> tuple[Floats, Floats]:
     """Return centre and mean of evenly spaced bins; NaN where a bin holds too few of the samples."""
-    count, edges = np.histogram(x, _BINS)
-    total, _ = np.histogram(x, _BINS, weights=y)
-    enough = count > 0.05 * len(x) / _BINS  # a twentieth of a bin's samples if all bins were filled evenly
+    count, edges = np.histogram(x, bins)
+    total, _ = np.histogram(x, bins, weights=y)
+    enough = count > 0.05 * len(x) / bins  # a twentieth of a bin's samples if all bins were filled evenly
     mean = np.where(enough & (count > 0), total / np.maximum(count, 1), np.nan)
     return (edges[:-1] + edges[1:]) / 2.0, mean
 

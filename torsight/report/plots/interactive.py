@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -41,18 +40,6 @@ _FONT: Final = 'system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", "Deja
 """Outline and fonts of the page's style sheet, because a plot has a separate style sheet."""
 
 
-@dataclass(frozen=True, slots=True)
-class Drawing:
-    """Plots for the page: the document of all plots as JSON, and each figure's identifier in it by its name."""
-
-    document: str
-    roots: Mapping[str, str]
-
-    def content(self) -> str:
-        """Return the JSON for the page; ``<`` is escaped so that no text in it can end the element around it."""
-        return json.dumps({"document": json.loads(self.document), "roots": dict(self.roots)}).replace("<", "\\u003c")
-
-
 def library() -> str:
     """Return BokehJS: plots without widgets, tables and formulas."""
     (text,) = Resources(mode="inline", components=["bokeh"]).js_raw[:1]
@@ -60,10 +47,11 @@ def library() -> str:
     return text.replace("</script", "<\\/script")
 
 
-def drawing(figures: Mapping[str, Sequence[Panel]]) -> Drawing:
+def drawing(figures: Mapping[str, Sequence[Panel]]) -> str:
     """Return figures, panels by name, as one Bokeh document; time axes of one clock are shared.
 
-    The same panels give the same text.
+    The text is the page's JSON: the ``document``, and each figure's identifier in it by its name (``roots``). ``<`` is
+    escaped so that no text can end the element around it. The same panels give the same text.
     """
     document = Document()
     shared: dict[str, Range1d] = {}
@@ -74,15 +62,14 @@ def drawing(figures: Mapping[str, Sequence[Panel]]) -> Drawing:
             root = _figure(panels, shared)
             document.add_root(root)
             roots[name] = root.id
-    text = json.dumps(document.to_json(deferred=False), separators=(",", ":"), allow_nan=False)
+    text = json.dumps({"document": document.to_json(deferred=False), "roots": roots}, allow_nan=False)
     # Bokeh counts its models over the whole process.
     names: dict[str, str] = {}
 
     def again(found: re.Match[str]) -> str:
         return names.setdefault(found.group(), f'"p{len(names) + 1}"')
 
-    text = re.sub(r'"p\d+"', again, text)
-    return Drawing(text, {name: names[f'"{root}"'].strip('"') for name, root in roots.items()})
+    return re.sub(r'"p\d+"', again, text).replace("<", "\\u003c")
 
 
 def _figure(panels: Sequence[Panel], shared: dict[str, Range1d]) -> Any:

@@ -53,12 +53,6 @@ FILES: Final = {
 }
 
 
-_WIDEST_PX: Final = 2240
-"""Largest width of the picture of the tracking in the page, pixels: twice the width of the widest column."""
-_WEBP_QUALITY: Final = 80
-"""WebP quality, OpenCV's own middle, at which letters of ten pixels are clean; the demo's is 17 % of the PNG."""
-
-
 class Tile(NamedTuple):
     """A big number with its unit and a line about it; symbols in both carry their own markup."""
 
@@ -363,7 +357,8 @@ def track_picture(results: RunResults) -> str | None:
     picture = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_COLOR)
     if picture is None:
         raise InputError("is not a picture", where=str(path), do="delete it, or track the film again")
-    content = encoded(shrunk(np.asarray(picture, np.uint8), _WIDEST_PX), ".webp", quality=_WEBP_QUALITY)
+    # Twice as wide as the widest column; at OpenCV's own middle of qualities letters of ten pixels are clean.
+    content = encoded(shrunk(np.asarray(picture, np.uint8), 2240), ".webp", quality=80)
     return f"data:image/webp;base64,{base64.b64encode(content).decode('ascii')}"
 
 

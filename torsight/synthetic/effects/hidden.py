@@ -157,9 +157,9 @@ def read_hidden(table: Mapping[str, Any], *, where: str) -> dict[str, HiddenEffe
 
     Raises ConfigError for an effect or a key that is not known (naming the nearest).
     """
-    check_keys(table, tuple(HIDDEN), where=f"{where}, [effects]")
-    found: dict[str, HiddenEffect] = {}
-    for name in table:
-        place = f"{where}, [effects.{name}]"
-        found[name] = read_section(HIDDEN[name], get_table(table, name, where=f"{where}, [effects]"), where=place)
-    return found
+    place = f"{where}, [effects]"
+    check_keys(table, tuple(HIDDEN), where=place)
+    return {
+        name: read_section(HIDDEN[name], get_table(table, name, where=place), where=f"{where}, [effects.{name}]")
+        for name in table
+    }

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Final
 
 import numpy as np
 
@@ -14,11 +13,6 @@ from torsight.synthetic.experiment import Played
 from torsight.synthetic.filming.optics import View
 from torsight.synthetic.filming.picture import MARGIN_PX
 from torsight.synthetic.scene import FilmEvent, FilmSettings, Scene
-
-_ENTRY_S: Final = 0.15
-"""Time in which a hand enters or leaves the picture: about a metre a second over the usual camera's view of 17 cm."""
-_DARK: Final = 0.02
-"""Share of the light that remains when the light is off: a room is never quite dark. A choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +61,7 @@ def light_gain(scene: Scene, time_s: Floats) -> Floats:
     for event in scene.events:
         if event.kind == "dark":
             off = (time_s >= event.start_s) & (time_s < event.start_s + event.duration_s)
-            gain = np.where(off, _DARK, gain)
+            gain = np.where(off, 0.02, gain)  # a room is never quite dark
     return np.asarray(gain, np.float64)
 
 
@@ -112,7 +106,8 @@ class Occluders:
         radius = 0.5 * (event.width_px or 60.0)
         from_right = target_px[0] > 0.5 * self._size_px[0]
         outside = np.array([self._size_px[0] + 2.0 * radius if from_right else -2.0 * radius, target_px[1] + 80.0])
-        entry_s = min(_ENTRY_S, 0.25 * event.duration_s)
+        # About a metre a second over the usual camera's view of 17 cm.
+        entry_s = min(0.15, 0.25 * event.duration_s)
         reach = min(since_s, event.duration_s - since_s, entry_s) / entry_s
         tip = outside + reach * (target_px - outside)
         return Bar(np.array([*outside, *tip]), radius, event.level)

@@ -127,18 +127,16 @@ class Encoder:
         self._queue.put((tick, luma))
 
     def _run(self) -> None:
-        while (item := self._queue.get()) is not None:
-            if self._failure is not None:
-                continue
-            try:
+        item = None
+        try:
+            while (item := self._queue.get()) is not None:
                 self.encode(*item)
-            except Exception as error:  # noqa: BLE001 - handed to the caller's thread
-                self._failure = error
-        if self._failure is None:
-            try:
-                self._container.mux(self._stream.encode(None))
-            except Exception as error:  # noqa: BLE001 - handed to the caller's thread
-                self._failure = error
+            self._container.mux(self._stream.encode(None))
+        except Exception as error:  # noqa: BLE001 - handed to the caller's thread
+            self._failure = error
+            # The other thread may wait for room in the queue.
+            while item is not None:
+                item = self._queue.get()
 
     def encode(self, tick: int, luma: Luma) -> None:
         """Encode a frame at a time in ticks of the container, in the thread of the encoder."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Final
 
 import cv2
 import numpy as np
@@ -15,13 +14,6 @@ from torsight.synthetic.filming.optics import View
 from torsight.synthetic.filming.picture import MARGIN_PX, Canvas, Stick, draw_bar, draw_stick, expose, row_spans
 from torsight.synthetic.scene import LightSettings, Scene
 
-_NOISE_POOL: Final = 1 << 22
-"""Size of the pool of random numbers from which a frame's noise is taken: fourteen frames of VGA, 16 MB."""
-_BLUR_STEP_PX: Final = 0.5 * LightSettings().blur_px
-_MOST_POSES: Final = 24
-"""Step between the poses over which a smeared stick is averaged, half of the usual lens' blur, and their largest
-number: enough for a smear of 8 px."""
-
 
 class Studio:
     """Draws one camera's picture: a fixed background with the base stick, the moving stick, occluders, noise."""
@@ -30,7 +22,8 @@ class Studio:
         self._scene, self._view = scene, view
         self._rays = view.rays(MARGIN_PX)
         self._rng = scene.rng(f"picture noise {purpose}")
-        self._noise = self._rng.standard_normal(_NOISE_POOL, dtype=np.float32)
+        # The pool from which a frame's noise is taken: fourteen frames of VGA, 16 MB.
+        self._noise = self._rng.standard_normal(1 << 22, dtype=np.float32)
         width, height = view.intrinsics.size_px
         self._light = _light(scene, width, height)
         self._texture = _texture(scene, width, height)
@@ -65,7 +58,7 @@ class Studio:
         out = np.empty(picture.shape, np.uint8)
         light = self._scene.light
         # A random section of a pool of normal numbers: new numbers for each frame would take longer than the rest.
-        start = int(self._rng.integers(_NOISE_POOL - out.size))
+        start = int(self._rng.integers(self._noise.size - out.size))
         noise = self._noise[start : start + out.size]
         expose(picture, np.float32(gain), np.float32(light.read_noise), np.float32(light.shot_noise), noise, out)
         return out
@@ -75,7 +68,9 @@ class Studio:
         jacobian = self._view.jacobian(np.array([0.0, 0.0, self._scene.camera.moving_z_mm]))
         px_per_mm = float(np.sqrt(abs(np.linalg.det(jacobian))))
         reach_px = abs(speed_rad) * self._scene.sticks.length_mm * px_per_mm
-        return int(min(max(math.ceil(reach_px / _BLUR_STEP_PX), 1), _MOST_POSES))
+        # Half of the usual lens' blur apart; 24 are enough for a smear of 8 px.
+        step_px = 0.5 * LightSettings().blur_px
+        return int(min(max(math.ceil(reach_px / step_px), 1), 24))
 
     def _set(self, shift_px: Floats) -> NDArray[np.float32]:
         """Return the background with the base stick, which is drawn only once for a camera that does not shake."""

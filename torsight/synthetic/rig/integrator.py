@@ -110,17 +110,8 @@ def control(c: Constants, error_c: float, integral: float, sample_s: float) -> t
 
 _SLACK_C: Final = 0.1
 """Smallest reversal of a temperature that counts, °C: three sigmas of a reading's usual noise."""
-_RELEASED: Final = 0.9
-"""Share of its limit to which friction must fall before the rig counts as stuck again: a choice."""
 _OVER_TEMPERATURE: Final = SLOTS["temperature", "temperature"]
 _OVER_RATE: Final = SLOTS["temperature", "temp_rate"]
-_RATE_FOLLOWS_S: Final = 2.0
-"""Time constant with which a rate-dependent difference between wire and sensor builds up, s: a choice."""
-
-
-_HEAT_FOLLOWS_S: Final = 0.2
-"""Delay with which the latent heat of the phase appears at the sensor, s: a choice; without it the control would
-oscillate."""
 
 
 class Course(NamedTuple):
@@ -207,9 +198,9 @@ def move(
     motion[REST] = 0.0 if slips else motion[REST] + step_s
     motion[SPEED] = (w - motion[PHI]) / step_s
     motion[PHI], motion[BRISTLE] = w, deflection
-    # Friction must have fallen well below its limit before the rig counts as stuck again.
+    # Friction must have fallen well below its limit, by a tenth, before the rig counts as stuck again: a choice.
     limit = friction_limit(c, w, temps_c, 1.0 if deflection >= 0.0 else -1.0, motion[SPEED], 0.0)
-    return 1 if slips or (sliding == 1 and abs(c.bristle * deflection) > _RELEASED * limit) else 0
+    return 1 if slips or (sliding == 1 and abs(c.bristle * deflection) > 0.9 * limit) else 0
 
 
 @lending
@@ -272,10 +263,9 @@ def integrate(
         for _ in range(substeps):
             copy_to(before_c, temps_c)
             heat_step(c, temps_c, current, work, step_s)
+            # A rate-dependent difference between wire and sensor builds up within two seconds: a choice.
             for i in range(2):
-                rates_k_s[i] += ((temps_c[i] - before_c[i]) / step_s - rates_k_s[i]) * min(
-                    step_s / _RATE_FOLLOWS_S, 1.0
-                )
+                rates_k_s[i] += ((temps_c[i] - before_c[i]) / step_s - rates_k_s[i]) * min(step_s / 2.0, 1.0)
             feel(pair, temps_c, rates_k_s, active, felt_c)
             lag_step(c, temps_c, lagged_c, step_s)
             since_s += step_s
@@ -283,6 +273,7 @@ def integrate(
                 passive_step(c, springs[1 - active], felt_c[1 - active], since_s)
             copy_to(before_xi, s[:, XI])
             sliding = move(pair, springs, motion, felt_c, step_s, active, sliding)
+            # The latent heat appears at the sensor after 0.2 s, a choice: without delay the control would oscillate.
             for i in range(2):
-                pace[i] += ((s[i, XI] - before_xi[i]) / step_s - pace[i]) * min(step_s / _HEAT_FOLLOWS_S, 1.0)
+                pace[i] += ((s[i, XI] - before_xi[i]) / step_s - pace[i]) * min(step_s / 0.2, 1.0)
     return out

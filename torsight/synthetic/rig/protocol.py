@@ -141,12 +141,10 @@ def commands(protocol: Protocol, *, sample_s: float, room_c: float, before_s: fl
     A ramp without a first point starts at the room's temperature.
     """
     parts: list[tuple[int, float, HalfCycle | None, int, int]] = []
-    recorded = 0
     before = protocol.prelude or (homing(protocol.time_factor) if protocol.home else ())
-    if before:
-        for item in before:
-            parts += [(1 + item.spring, item.heat_s, item, 0, -1), (-1 - item.spring, item.cool_s, None, 0, -1)]
-        recorded = sum(round(part[1] / sample_s) for part in parts)
+    for item in before:
+        parts += [(1 + item.spring, item.heat_s, item, 0, -1), (-1 - item.spring, item.cool_s, None, 0, -1)]
+    recorded = sum(round(part[1] / sample_s) for part in parts)
     parts.append((-1 - before[-1].spring if before else 0, before_s + protocol.rest_s, None, 0, -1))
     count = [0, 0]
     for number, item in enumerate(protocol.half_cycles):
@@ -156,20 +154,11 @@ def commands(protocol: Protocol, *, sample_s: float, room_c: float, before_s: fl
         parts.append((-1 - item.spring, item.cool_s, None, cycle, number))
     last = parts[-1]
     parts.append((last[0], after_s, None, last[3], last[4]))
-    columns: list[tuple[Floats, ...]] = []
-    for command, duration_s, half_cycle, cycle, number in parts:
-        time_s = np.arange(round(duration_s / sample_s)) * sample_s
-        reference = np.full(time_s.shape, room_c)
-        if half_cycle is not None:
-            points = np.where(np.isnan(half_cycle.reference), room_c, half_cycle.reference)
-            reference = np.interp(time_s, points[:, 0], points[:, 1])
-        ones = np.ones(time_s.shape)
-        columns.append((command * ones, reference, cycle * ones, number * ones))
-    command_, reference_c, cycle_, half_cycle_ = (np.concatenate(column) for column in zip(*columns, strict=True))
-    return Commands(
-        command=command_.astype(np.int64),
-        reference_c=reference_c,
-        cycle=cycle_,
-        half_cycle=half_cycle_.astype(np.int64),
-        recorded=recorded,
-    )
+    samples = [round(part[1] / sample_s) for part in parts]
+    references = []
+    for (_, _, heated, _, _), size in zip(parts, samples, strict=True):
+        points = np.array([[0.0, np.nan]]) if heated is None else heated.reference
+        time_s, temp_c = np.where(np.isnan(points), room_c, points).T
+        references.append(np.interp(np.arange(size) * sample_s, time_s, temp_c))
+    orders, cycles, half_cycles = (np.repeat([part[place] for part in parts], samples) for place in (0, 3, 4))
+    return Commands(orders, np.concatenate(references), cycles.astype(np.float64), half_cycles, recorded)

@@ -43,9 +43,6 @@ LOADING, BEND, BEND_ALONE = (STIFFENING_FORMS.index(form) for form in ("loading"
 _WINDING: Final = SLOTS["winding", "winding"]
 _LOADING: Final = SLOTS["loading", "winding"]
 _PHASE: Final = SLOTS["phase", "temperature"]
-_STEEPEST: Final = 0.8
-"""Share of the difference between the second slope and the first by which a bend may steepen the curve: no real spring
-is steeper."""
 
 TORQUE_TOLERANCE_NM: Final = 1e-12
 """A spring that is wound beyond θ_cr turns by 1e-12 N·m / K_S = 4e-9 rad for it: no camera sees that."""
@@ -62,10 +59,13 @@ def loading(c: Constants, theta: float) -> float:
 
 @lending
 def bend(c: Constants, theta: float) -> float:
-    """Return the excess torque, N·m, of a loading curve with cubic stiffening over that of two slopes."""
+    """Return the excess torque, N·m, of a loading curve with cubic stiffening over that of two slopes.
+
+    It steepens the second slope by 0.8 of its difference from the first at most: no real spring is steeper.
+    """
     if c.stiff_form < BEND or theta <= c.stiff_onset or c.stiff == 0.0:
         return 0.0
-    steepest = _STEEPEST * (c.k_m - c.k_s)
+    steepest = 0.8 * (c.k_m - c.k_s)
     limit = ONSET_SCALE_RAD * math.sqrt(steepest * ONSET_SCALE_RAD / (3.0 * c.stiff))
     past = theta - c.stiff_onset
     return c.stiff * (min(past, limit) / ONSET_SCALE_RAD) ** 3 + steepest * max(past - limit, 0.0)

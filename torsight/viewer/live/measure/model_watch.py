@@ -102,15 +102,8 @@ def model_of(
 
     time_s, angle, sigma, temp_a, temp_b, heat_a, heat_b = columns
     switched = bool(np.isfinite(heat_a).all() and np.isfinite(heat_b).all())
-    table = SyncedTable(
-        time_s=time_s,
-        angle_rad=angle,
-        angle_sigma_rad=sigma,
-        temp_a_c=temp_a,
-        temp_b_c=temp_b,
-        heat_a=heat_a > 0.5 if switched else None,
-        heat_b=heat_b > 0.5 if switched else None,
-    )
+    heated = (heat_a > 0.5, heat_b > 0.5) if switched else ()
+    table = SyncedTable(time_s, angle, sigma, temp_a, temp_b, *heated)
     try:
         # The effects that every fit has in addition to the characterised values; without a fit they change nothing.
         model = ActuatorModel(spec, [effect.id for effect in always_fitted()])

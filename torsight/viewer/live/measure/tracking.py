@@ -249,14 +249,8 @@ class LiveTracker:
         if not report["probability"] > SURE:
             words = f"that these are the markers has a probability of {report['probability']:.2g}"
             self._tell(last_s, last, "motion", f"{words}; name them with --markers to be sure")
-        chosen = replace(
-            tracks,
-            position_px=tracks.position_px[:, order],
-            covariance_px2=tracks.covariance_px2[:, order],
-            valid=tracks.valid[:, order],
-            choice_rad2=variance_rad2,
-        )
-        return chosen, {"markers": report}
+        markers = {name: getattr(tracks, name)[:, order] for name in ("position_px", "covariance_px2", "valid")}
+        return replace(tracks, **markers, choice_rad2=variance_rad2), {"markers": report}
 
     def mended(self, values: Floats) -> Floats:
         """Return the recorded markers (rows, 4, x, y and sigma), corrected by the decisions made since."""
