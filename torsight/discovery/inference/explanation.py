@@ -96,11 +96,17 @@ class Explanation:
         """The posterior density's logarithm at the optimum."""
         return log_posterior(self.likelihood, self.fitter.problem, self.fit)
 
-    @property
+    @cached_property
     def pulled(self) -> float:
-        """Excess of the priors' cost over its expected value, one per value with a prior; in log units."""
-        held = sum(parameter.sigma is not None for parameter in self.fit.parameters)
-        return 0.5 * max(0.0, self.prior - held)
+        """Excess of the priors' cost over its expected value, in log units.
+
+        A value whose variance given the record is a share v of its prior variance costs 1 − v on average: one where
+        the record determines it, nothing where the prior alone does.
+        """
+        sigma = space_of(self.fit.parameters).prior_sigma
+        held = np.isfinite(sigma)
+        known = 1.0 - np.diag(curvature_spread(self))[held] / sigma[held] ** 2
+        return 0.5 * max(0.0, self.prior - float(np.sum(known)))
 
     @property
     def promise(self) -> float:
