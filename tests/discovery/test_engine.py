@@ -10,11 +10,13 @@ import pytest
 from linear_cases import BLOCKS, LENGTH, machine, noise, signals, usual_candidates
 
 from torsight.core.errors import InputError
+from torsight.core.parameter import Parameter
 from torsight.discovery import find_missing as find_missing_of
 from torsight.discovery.inference.engine import find_missing
 from torsight.discovery.inference.explanation import covariance, curvature_spread, predictive_covariance
 from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.noise import Stretches, correlation_samples, residual_scales
+from torsight.discovery.inference.priors import outlier_cost
 from torsight.discovery.inference.validate import held_out_by_refit
 from torsight.discovery.settings import Settings
 
@@ -73,6 +75,20 @@ def test_what_no_column_explains_is_unknown_and_never_none(sigma: float) -> None
 def test_what_noise_hides_gets_no_name(size: float, named: tuple[str, ...]) -> None:
     problem = machine(size * np.sign(signals()["speed"]), seed=3, tau=6.0)
     assert tuple(name for name, _ in find_missing(problem).decision.named.values()) == named
+
+
+def test_values_of_which_a_record_says_nothing_do_not_hide_that_others_are_pulled() -> None:
+    made = machine(0.4, seed=7, tau=1.0, sigma=0.06, candidates={})
+
+    def pulled(silent: int) -> float:
+        held = [Parameter("gain", 2.0, "", sigma=0.1), Parameter("offset", 1.0, "", sigma=0.1)]
+        held += [Parameter(f"unseen_{k}", 0.0, "", sigma=1.0) for k in range(silent)]
+        columns = {**made.columns, **{p.name: np.zeros(BLOCKS * LENGTH) for p in held[2:]}}
+        return find_missing(replace(made, parameters=tuple(held), columns=columns)).field.plain.pulled
+
+    # Half the cost of an offset that is four standard deviations off, less the one unit that is expected of each value.
+    assert pulled(0) == pytest.approx(0.5 * (outlier_cost(np.array(4.0)) - 2.0), abs=0.5)
+    assert pulled(40) == pytest.approx(pulled(0), abs=0.01)
 
 
 def test_effects_that_the_record_cannot_tell_apart_are_both_told() -> None:
