@@ -223,7 +223,7 @@ class TextureStick(Kept):
         derivatives at both, to second order.
         """
         own = self._own[0]
-        if own["still"] or any(math.isinf(track.patch.turn_doubt) for track in self._tracks):
+        if own["still"] or not all(track.patch.turns for track in self._tracks):
             return own
         own = own.copy()
         own["length"] = np.hypot(*(0.5 * (jacobian(one.warp) + jacobian(two.warp)) @ self._offset))
@@ -238,7 +238,7 @@ class TextureStick(Kept):
         turn = self._turn_between(*(fit for fit in fits if fit is not None))
         return [
             replace(fit, warp=similarity(*place(fit.warp), turn_rad=turn))
-            if fit is not None and math.isinf(track.patch.turn_doubt)
+            if fit is not None and not track.patch.turns
             else fit
             for track, fit in zip(self._tracks, fits, strict=True)
         ]
@@ -247,7 +247,7 @@ class TextureStick(Kept):
         """Return whether both patches are rotated as much as the line through both points."""
         turn = self._turn_between(one, two)
         return all(
-            math.isinf(track.patch.turn_doubt) or turned(turn_of(fit.warp), turn) < _OWN_TURN_RAD
+            not track.patch.turns or turned(turn_of(fit.warp), turn) < _OWN_TURN_RAD
             for track, fit in zip(self._tracks, (one, two), strict=True)
         )
 
