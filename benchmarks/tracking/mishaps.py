@@ -45,8 +45,9 @@ WORDS = {
     "turns?": "whole turns is not certain",
     "rivals": "Other dots look like",
     "tilt?": "tilt is not known",
+    "mirrored": "tags are seen mirrored",
 }
-"""Words of the advice and the warnings by a name."""
+"""Words of the advice, the warnings and the errors by a name."""
 
 
 class Made(NamedTuple):
@@ -121,7 +122,8 @@ def run(made: Made, folder: Path) -> Outcome:
     try:
         track_to_folder(path, markers=hints, out=out, **pair)
     except TorsightError as error:
-        return Outcome(np.zeros(len(truth_deg), bool), truth_deg, truth_deg, [f"error: {str(error)[:90]}"])
+        told = [name for name, words in WORDS.items() if words in str(error)]
+        return Outcome(np.zeros(len(truth_deg), bool), truth_deg, truth_deg, [*told, f"error: {str(error)[:90]}"])
     angle, content = pd.read_csv(out / "angle.csv"), json.loads((out / "track.json").read_text())
     valid = angle["valid"].to_numpy() == 1
     error = angle["angle_deg"].to_numpy() - truth_deg
