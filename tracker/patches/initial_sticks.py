@@ -17,7 +17,7 @@ from torsight.core.words.wording import listed
 from tracker.detect.fiducials import UNMIRROR, USUAL, TagsSeen, find_tags, in_words, numbered
 from tracker.detect.given_positions import LOOKED_AT, given_dots, looked_at
 from tracker.detect.marker_file import STICKS, MarkerHints
-from tracker.detect.sticks import nearest_edge
+from tracker.detect.sticks import edges_beside_line
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Stick
 from tracker.follow.judgement import to_strip
@@ -80,7 +80,7 @@ def _texture_stick(first: Frame, hints: MarkerHints, stick: int) -> TextureStick
         )
     looks = [texture_look(first.luma, x, y, window_px=window_px, blur_px=1.0) for x, y in points]
     search = TurnedSearch((looks[0], looks[1]), window_px=window_px, offset_px=offset_px, still=stick == 0)
-    half_px = nearest_edge(first.luma, *points, window_px=window_px)
+    half_px = min(edges_beside_line(first.luma, *points, window_px=window_px), default=window_px)
     return TextureStick(patches, points, search, still=stick == 0, half_px=half_px)
 
 
@@ -103,13 +103,18 @@ def _window_px(luma: NDArray[np.uint8], hints: MarkerHints, stick: int, point: P
     one, two = ((x, y) for x, y in hints.position_px[2 - 2 * stick : 4 - 2 * stick].tolist())
     # The place of a tag is not known yet.
     alone = math.isnan(one[0])
-    apart_px = math.inf if alone else to_strip(point, one, two, 0.0)
-    width_px = 0.0 if alone else nearest_edge(luma, one, two, window_px=_LARGEST_PX)
+    edges_px = [] if alone else edges_beside_line(luma, one, two, window_px=_LARGEST_PX)
+    apart_px = math.inf
+    if not alone:
+        # Without edges no bar is known to join the other points.
+        apart_px = to_strip(point, one, two, 0.0) if edges_px else min(math.dist(point, one), math.dist(point, two))
+    width_px = min(edges_px, default=_LARGEST_PX)
     if apart_px - width_px < _SMALLEST_PX - 2.0:
+        other = "the line through the other stick's markers" if edges_px else "a marker of the other stick"
         raise NoResultError(
             "lies on the other stick, or too close to it",
             where=where,
-            value=f"[{x:g}, {y:g}], {apart_px:.0f} px from the line through the other stick's markers",
+            value=f"[{x:g}, {y:g}], {apart_px:.0f} px from {other}",
             limit=f"{width_px + _SMALLEST_PX - 2.0:.0f} px or more in the first frame",
             do="choose a point further out, or start filming with the sticks apart",
         )

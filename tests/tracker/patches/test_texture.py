@@ -271,6 +271,16 @@ def test_two_points_on_one_round_spot_are_refused(tmp_path: Path) -> None:
         tracked(made, tmp_path / "film.mkv", {"moving": [inner, [inner[0] + 3.0, inner[1] + 2.0]]})
 
 
+def test_points_on_the_wall_behind_the_stick_may_lie_on_both_sides_of_it(tmp_path: Path) -> None:
+    wall = Sprite(texture_picture(np.random.default_rng(1), 400, 560), along_mm=0.0, width_mm=316.0)
+    made = film(base=[wall], angle_deg=lambda t: 60.0 + 250.0 * t, frames=50)
+    around = [made.on_stick(0, 60.0, along).tolist() for along in (-120.0, 130.0)]
+    error, _ = tracked(made, tmp_path / "film.mp4", {"base": around}, codec="libx264")
+    assert np.isfinite(error).all()
+    # Each point is off by less than a fifth of a pixel.
+    assert np.abs(error - np.median(error)).max() < np.rad2deg(np.sqrt(2.0) * 0.2 / (OUTER - INNER))
+
+
 def test_a_point_on_the_other_stick_is_refused(tmp_path: Path) -> None:
     with pytest.raises(NoResultError, match="base, inner marker: lies on the other stick"):
         tracked(film(angle_deg=lambda t: 20.0 + 60.0 * t, frames=3), tmp_path / "film.mkv")
