@@ -176,11 +176,14 @@ class TextureStick(Kept):
             self._judge_rest(fits, whys)
         one, two = fits
         if one is None or two is None or any(whys):
-            for end, fit in enumerate(fits):
-                # While its partner is hidden, only the circle shows that a patch slides onto another object.
+            known = self._own[0]["still"] or self._own[0]["axis"]["known"]
+            for end, (fit, track) in enumerate(zip(fits, self._tracks, strict=True)):
+                # While its partner is hidden, only the circle shows that a patch slides onto another object; before the
+                # circle is known, only the correlation does.
                 if fit is not None and not whys[end]:
                     off = circle_misfit(self._own[0], self._shift, place(fit.warp), end)
-                    whys[end] = "" if passes(off**2, 1) else "hidden"
+                    as_usual = known or fit.likeness > track.usual - AS_USUAL
+                    whys[end] = "" if as_usual and passes(off**2, 1) else "hidden"
             return
         a, b, lost = place(one.warp), place(two.warp), max(track.lost for track in self._tracks)
         own = self._as_seen(one, two) if lost else self._own[0]
