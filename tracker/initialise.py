@@ -120,7 +120,7 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     family, numbers = tags.pair
     if dots.leave_it_to_tags and numbers:
         return _start_at_tags(family, numbers, where=where)
-    if (dots.start is None or dots.in_tags) and (fault := tags.fault()):
+    if (dots.are_none or dots.in_tags) and (fault := tags.fault()):
         what, value, do = fault
         raise NoResultError(what, where=where, value=value, limit="a tag of its own number on each stick", do=do)
     if dots.start is None:
@@ -171,7 +171,12 @@ class _Dots:
     @property
     def leave_it_to_tags(self) -> bool:
         """Whether tags count more than the dots so far: four modules of tags may look like dots on sticks."""
-        return self.start is None or self.start.doubtful or self.in_tags
+        return self.are_none or self.in_tags or (self.start is not None and self.start.doubtful)
+
+    @property
+    def are_none(self) -> bool:
+        """Whether no dots are markers, or those taken are certain to be none, such as modules and corners of tags."""
+        return self.start is None or (self.start.choice is not None and self.start.choice.sure < 1.0 - SURE)
 
     def settled_by(self, index: int, luma: NDArray[np.uint8]) -> bool:
         """Search a picture; return whether no later one is needed."""

@@ -318,7 +318,8 @@ class Film:
         for radii, turn, z, level in sticks[::-1] if self.base_on_top else sticks:
             a = np.deg2rad(self.base_deg + turn)
             along, across = np.array([np.cos(a), np.sin(a)]), np.array([-np.sin(a), np.cos(a)])
-            tail, end = -0.2 * radii[1], radii[1] + self.overhang * self.half_px
+            tail = min(-0.2 * radii[1], min(radii) - self.overhang * self.half_px)
+            end = max(radii) + self.overhang * self.half_px
             steps = np.linspace(0.0, 1.0, 12)
             sides = [(tail + (end - tail) * steps, -self.half_px), (end + (tail - end) * steps, self.half_px)]
             outline = np.concatenate([np.outer(s, along) + side * across for s, side in sides])

@@ -45,8 +45,9 @@ WORDS = {
     "turns?": "whole turns is not certain",
     "rivals": "Other dots look like",
     "tilt?": "tilt is not known",
+    "mirrored": "tags are seen mirrored",
 }
-"""Words of the advice and the warnings by a name."""
+"""Words of the advice, the warnings and the errors by a name."""
 
 
 class Made(NamedTuple):
@@ -121,7 +122,8 @@ def run(made: Made, folder: Path) -> Outcome:
     try:
         track_to_folder(path, markers=hints, out=out, **pair)
     except TorsightError as error:
-        return Outcome(np.zeros(len(truth_deg), bool), truth_deg, truth_deg, [f"error: {str(error)[:90]}"])
+        told = [name for name, words in WORDS.items() if words in str(error)]
+        return Outcome(np.zeros(len(truth_deg), bool), truth_deg, truth_deg, [*told, f"error: {str(error)[:90]}"])
     angle, content = pd.read_csv(out / "angle.csv"), json.loads((out / "track.json").read_text())
     valid = angle["valid"].to_numpy() == 1
     error = angle["angle_deg"].to_numpy() - truth_deg
@@ -318,7 +320,9 @@ def _starts(one: Film) -> Drawn:
         found, exposure=0.8, angle_deg=lambda t: 180.0 + 60.0 * (1.0 - np.cos(7.0 * np.maximum(t - 0.2, 0.0)))
     )
     yield "found, abrupt start in one line", rest, "-rivals"
-    jumps = lambda t: 180.0 + 35.0 * np.clip((np.mod(t, 0.45) - 0.37) / 0.08, 0.0, 1.0) + 35.0 * np.floor(t / 0.45)  # noqa: E731
+    # A sum of ramps: a remainder and a quotient may be rounded to different sides of a step.
+    steps = np.arange(-1, 13)
+    jumps = lambda t: 145.0 + 35.0 * np.clip((t[..., None] - 0.45 * steps - 0.37) / 0.08, 0.0, 1.0).sum(axis=-1)  # noqa: E731
     yield "found, steps from rest to rest", replace(found, exposure=0.5, angle_deg=jumps), "-rivals"
     later = replace(
         found,

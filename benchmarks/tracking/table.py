@@ -92,6 +92,8 @@ def real(folder: Path) -> Iterator[tuple[str, Path, dict[str, Any], Any]]:
     for kind in ({"base": "texture", "moving": "dot"}, {"base": "texture", "moving": "texture"}):
         hints = {"kind": kind, "base": STAND, "moving": HUB_RIM}
         yield f"disc on pivot, real, {kind['moving']} on {kind['base']}", disc, hints, disc_deg
+    hints = {"kind": "texture", "base": STAND, "moving": (np.array(HUB_RIM) + 5.0).tolist()}
+    yield "disc on pivot, real, clicked 7 px beside", disc, hints, disc_deg
     # Its axis moves and its marks are small: outside what the tracker is for.
     hints = {"kind": "texture", "base": CLAMP, "moving": MARKS}
     yield "rolling cylinder, real, texture", cylinder, hints, cylinder_deg

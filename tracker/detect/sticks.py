@@ -193,16 +193,17 @@ def half_width(luma: NDArray[np.uint8], stick: Stick) -> float:
     return float(np.mean(seen)) if seen else math.inf
 
 
-def nearest_edge(luma: NDArray[np.uint8], one: Point, two: Point, *, window_px: float) -> float:
-    """Return the distance, px, of a stick's nearer edge from the line between two of its points.
+def edges_beside_line(luma: NDArray[np.uint8], one: Point, two: Point, *, window_px: float) -> list[float]:
+    """Return the distances, px, of a stick's edges from the line between two of its points, as far as they are seen.
 
-    It is at least ``window_px``, up to which around both points the picture is known to be of the stick. The texture
-    there is taken for dots of twice its standard deviation.
+    They are at least ``window_px``, up to which around both points the picture is known to be of the stick. The texture
+    there is taken for dots of twice its standard deviation. Where no edge is seen, the points are not known to lie on
+    one bar: they may be places of something that is wider than the rig, such as a wall behind it.
     """
     left, top = (max(round(at - window_px), 0) for at in one)
     step = 2.0 * float(luma[top : round(one[1] + window_px), left : round(one[0] + window_px)].std())
     inner, outer = (Dot(*at, window_px, EDGE_PX, (0.0, 0.0), 1.0, window_px, step, 0.0, 1.0) for at in (one, two))
-    return max(window_px, min(_edges_between(luma, Stick(inner, outer, 0.0), window_px), default=0.0))
+    return [max(edge, window_px) for edge in _edges_between(luma, Stick(inner, outer, 0.0), window_px)]
 
 
 def _edges_between(luma: NDArray[np.uint8], stick: Stick, radius_px: float) -> list[float]:

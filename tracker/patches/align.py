@@ -204,10 +204,21 @@ class Patch:
         return len(self.index)
 
     @property
-    def turn_doubt(self) -> float:
-        """Standard deviation of the rotation (px at the rim) over that of the position; infinite without rotation."""
-        variance = np.diag(self._noise)
-        return math.sqrt(float(variance[2] / variance[:2].max())) if len(variance) > 2 else math.inf
+    def turns(self) -> bool:
+        """Whether rotation, scale and stretches are fitted, not the position alone."""
+        return len(self.generators) > 2
+
+    def most_certain(self) -> tuple[tuple[float, float], float]:
+        """Return the offset of the point whose position is most certain, and how much less certain the rotation is.
+
+        About that point rotation, scale and stretches leave the picture as it is, as far as they can. The ratio is that
+        of the rotation's standard deviation, px at the rim, to that of the position if all of these were known.
+        """
+        linear, noise = self.generators[2:, :2, :2], self._noise
+        square = np.einsum("kia,lib,kl->ab", linear, linear, noise[2:, 2:])
+        x, y = (-np.linalg.solve(square, np.einsum("kia,ik->a", linear, noise[:2, 2:]))).tolist()
+        least = float(np.linalg.eigvalsh(np.linalg.inv(noise)[:2, :2])[0])
+        return (x, y), math.sqrt(float(noise[2, 2]) * least)
 
     def _overlap(self, inverse: Floats) -> Floats:
         """Return the covariance of δ times gain for residuals of variance 1 from white noise in the picture."""

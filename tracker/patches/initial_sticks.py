@@ -17,7 +17,7 @@ from torsight.core.words.wording import listed
 from tracker.detect.fiducials import UNMIRROR, USUAL, TagsSeen, find_tags, in_words, numbered
 from tracker.detect.given_positions import LOOKED_AT, given_dots, looked_at
 from tracker.detect.marker_file import STICKS, MarkerHints
-from tracker.detect.sticks import nearest_edge
+from tracker.detect.sticks import edges_beside_line
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Stick
 from tracker.follow.judgement import to_strip
@@ -25,8 +25,9 @@ from tracker.follow.marker import markers_on
 from tracker.frames.frame import Frame, FrameSource
 from tracker.patches.align import Patch, cut_out
 from tracker.patches.tag_stick import TagStick
-from tracker.patches.texture import TurnedSearch, texture_look, texture_patch
+from tracker.patches.texture import TurnedSearch, round_spot, texture_look, texture_patch
 from tracker.patches.texture_stick import TextureStick
+from tracker.patches.warps import Point
 
 _SMALLEST_PX, _LARGEST_PX = 8.0, 15.0
 """Radii of the patch around a point without a dot: the largest for which there is room, at least the smallest."""
@@ -63,40 +64,69 @@ def _stick(first: Frame | None, hints: MarkerHints, stick: int) -> Stick:
 def _texture_stick(first: Frame, hints: MarkerHints, stick: int) -> TextureStick:
     assert first.luma is not None  # noqa: S101 - for the type checker: a first frame has a picture
     indices = (2 * stick, 2 * stick + 1)
-    points = [(float(x), float(y)) for x, y in hints.position_px[list(indices)]]
-    # A patch shows its own stick alone. The place of a tag is not known yet.
-    one, two = ((x, y) for x, y in hints.position_px[2 - 2 * stick : 4 - 2 * stick].tolist())
-    apart_px = [math.inf if math.isnan(one[0]) else to_strip(at, one, two, 0.0) for at in points]
-    width_px = 0.0 if math.isnan(one[0]) else nearest_edge(first.luma, one, two, window_px=_LARGEST_PX)
-    patches, windows = list[Patch](), list[float]()
-    for index, (x, y), px in zip(indices, points, apart_px, strict=True):
-        where = f"{hints.where}, {MARKERS[index].replace('_', ', ')} marker"
-        if px - width_px < _SMALLEST_PX - 2.0:
-            raise NoResultError(
-                "lies on the other stick, or too close to it",
-                where=where,
-                value=f"[{x:g}, {y:g}], {px:.0f} px from the line through the other stick's markers",
-                limit=f"{width_px + _SMALLEST_PX - 2.0:.0f} px or more in the first frame",
-                do="choose a point further out, or start filming with the sticks apart",
-            )
-        height, width = first.luma.shape
-        window = min(_LARGEST_PX, x - 2.0, y - 2.0, width - 3.0 - x, height - 3.0 - y, px - width_px)
-        if window < _SMALLEST_PX - 2.0:
-            raise NoResultError(
-                "lies too close to the border of the picture",
-                where=where,
-                value=f"[{x:g}, {y:g}]",
-                limit=f"{_SMALLEST_PX:g} px of room",
-            )
-        windows.append(window)
-        patches.append(texture_patch(first.luma, x, y, window_px=window))
-        _check_texture(first.luma, x, y, window, where=where)
-    window_px = min(windows)
+    wheres = [f"{hints.where}, {MARKERS[index].replace('_', ', ')} marker" for index in indices]
+    given = [(float(x), float(y)) for x, y in hints.position_px[list(indices)]]
+    found = [_patch_at(first.luma, hints, stick, at, where=where) for at, where in zip(given, wheres, strict=True)]
+    ((x1, y1), one), ((x2, y2), two) = found
+    points, patches, offset_px = [(x1, y1), (x2, y2)], [one, two], (x2 - x1, y2 - y1)
+    window_px = min(one.half_px, two.half_px)
+    if math.hypot(*offset_px) < window_px and not (one.turns or two.turns):
+        raise NoResultError(
+            "shows the same round spot as the stick's inner marker",
+            where=wheres[1],
+            value=f"[{given[1][0]:g}, {given[1][1]:g}]",
+            limit="two places on a stick, between which it turns",
+            do="choose a second spot, or a corner",
+        )
     looks = [texture_look(first.luma, x, y, window_px=window_px, blur_px=1.0) for x, y in points]
-    (x1, y1), (x2, y2) = points
-    search = TurnedSearch((looks[0], looks[1]), window_px=window_px, offset_px=(x2 - x1, y2 - y1), still=stick == 0)
-    half_px = nearest_edge(first.luma, *points, window_px=window_px)
+    search = TurnedSearch((looks[0], looks[1]), window_px=window_px, offset_px=offset_px, still=stick == 0)
+    half_px = min(edges_beside_line(first.luma, *points, window_px=window_px), default=window_px)
     return TextureStick(patches, points, search, still=stick == 0, half_px=half_px)
+
+
+def _patch_at(
+    luma: NDArray[np.uint8], hints: MarkerHints, stick: int, point: Point, *, where: str
+) -> tuple[Point, Patch]:
+    """Return the patch around a point of a stick, and the point: of a round spot the middle, which is what is seen."""
+    window_px = _window_px(luma, hints, stick, point, where=where)
+    middle = round_spot(luma, *point, window_px=window_px)
+    if middle is not None:
+        point, window_px = middle, _window_px(luma, hints, stick, middle, where=where)
+    patch = texture_patch(luma, *point, window_px=window_px, freedom=6 if middle is None else 2)
+    _check_texture(luma, *point, patch.half_px, where=where)
+    return point, patch
+
+
+def _window_px(luma: NDArray[np.uint8], hints: MarkerHints, stick: int, point: Point, *, where: str) -> float:
+    """Return the radius of the largest patch around a point for which there is room: it shows its own stick alone."""
+    (x, y), (height, width) = point, luma.shape
+    one, two = ((x, y) for x, y in hints.position_px[2 - 2 * stick : 4 - 2 * stick].tolist())
+    # The place of a tag is not known yet.
+    alone = math.isnan(one[0])
+    edges_px = [] if alone else edges_beside_line(luma, one, two, window_px=_LARGEST_PX)
+    apart_px = math.inf
+    if not alone:
+        # Without edges no bar is known to join the other points.
+        apart_px = to_strip(point, one, two, 0.0) if edges_px else min(math.dist(point, one), math.dist(point, two))
+    width_px = min(edges_px, default=_LARGEST_PX)
+    if apart_px - width_px < _SMALLEST_PX - 2.0:
+        other = "the line through the other stick's markers" if edges_px else "a marker of the other stick"
+        raise NoResultError(
+            "lies on the other stick, or too close to it",
+            where=where,
+            value=f"[{x:g}, {y:g}], {apart_px:.0f} px from {other}",
+            limit=f"{width_px + _SMALLEST_PX - 2.0:.0f} px or more in the first frame",
+            do="choose a point further out, or start filming with the sticks apart",
+        )
+    window_px: float = min(_LARGEST_PX, x - 2.0, y - 2.0, width - 3.0 - x, height - 3.0 - y, apart_px - width_px)
+    if window_px < _SMALLEST_PX - 2.0:
+        raise NoResultError(
+            "lies too close to the border of the picture",
+            where=where,
+            value=f"[{x:g}, {y:g}]",
+            limit=f"{_SMALLEST_PX:g} px of room",
+        )
+    return window_px
 
 
 def _check_texture(luma: NDArray[np.uint8], x: float, y: float, window_px: float, *, where: str) -> None:

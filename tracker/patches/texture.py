@@ -17,9 +17,12 @@ from tracker.innovation import SIGMAS
 from tracker.patches.align import Look, Patch, cut_out
 from tracker.patches.warps import Point, place, project, similarity, size_of
 
-_TURN_DOUBT: Final = 4.0
-"""Largest ratio of a patch's errors in rotation and position at which the rotation is fitted. Texture has 1 to 2.6,
-dots on paper have 6 to 9."""
+_SOFT_PX: Final = 1.0
+"""Blur before a round spot is distinguished: noise that is not blurred would count as texture."""
+_ROUND: Final = 5.0
+"""Smallest ratio of a patch's errors in rotation and position at which it is round. Texture has 0.9 to 2.5, also in the
+real films of benchmarks/tracking/table.py, and the dots there 17 to 30, or 7 to 10 in noise of 8 grey levels, wherever
+in the patch they lie."""
 _COARSE: Final = 2
 """Pixels per step of the coarse search."""
 _KEPT: Final = 8
@@ -29,14 +32,17 @@ _LIKELY: Final = 0.35
 steps of a patch, a patch that is rotated by half a step of the search 0.5."""
 
 
-def texture_patch(luma: NDArray[np.uint8], x_px: float, y_px: float, *, window_px: float) -> Patch:
-    """Return the patch of texture in a disc around a point of the first frame.
-
-    For a patch that looks the same at any rotation, such as a dot, only the position is fitted.
-    """
+def texture_patch(luma: NDArray[np.uint8], x_px: float, y_px: float, *, window_px: float, freedom: int = 6) -> Patch:
+    """Return the patch of texture in a disc around a point of the first frame; for ``freedom`` see :class:`Patch`."""
     look = texture_look(luma, x_px, y_px, window_px=window_px)
-    patch = Patch(look, half_px=window_px, round_=True)
-    return patch if patch.turn_doubt < _TURN_DOUBT else Patch(look, half_px=window_px, round_=True, freedom=2)
+    return Patch(look, half_px=window_px, round_=True, freedom=freedom)
+
+
+def round_spot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, window_px: float) -> Point | None:
+    """Return the middle of what looks the same at any rotation, such as a dot, in a disc around a point, or None."""
+    look = texture_look(luma, x_px, y_px, window_px=window_px, blur_px=_SOFT_PX)
+    (x, y), doubt = Patch(look, half_px=window_px, round_=True).most_certain()
+    return (x_px + x, y_px + y) if doubt > _ROUND and math.hypot(x, y) < window_px else None
 
 
 def texture_look(luma: NDArray[np.uint8], x_px: float, y_px: float, *, window_px: float, blur_px: float = 0.5) -> Look:

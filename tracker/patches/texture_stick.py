@@ -176,11 +176,14 @@ class TextureStick(Kept):
             self._judge_rest(fits, whys)
         one, two = fits
         if one is None or two is None or any(whys):
-            for end, fit in enumerate(fits):
-                # While its partner is hidden, only the circle shows that a patch slides onto another object.
+            known = self._own[0]["still"] or self._own[0]["axis"]["known"]
+            for end, (fit, track) in enumerate(zip(fits, self._tracks, strict=True)):
+                # While its partner is hidden, only the circle shows that a patch slides onto another object; before the
+                # circle is known, only the correlation does.
                 if fit is not None and not whys[end]:
                     off = circle_misfit(self._own[0], self._shift, place(fit.warp), end)
-                    whys[end] = "" if passes(off**2, 1) else "hidden"
+                    as_usual = known or fit.likeness > track.usual - AS_USUAL
+                    whys[end] = "" if as_usual and passes(off**2, 1) else "hidden"
             return
         a, b, lost = place(one.warp), place(two.warp), max(track.lost for track in self._tracks)
         own = self._as_seen(one, two) if lost else self._own[0]
@@ -223,7 +226,7 @@ class TextureStick(Kept):
         derivatives at both, to second order.
         """
         own = self._own[0]
-        if own["still"] or any(math.isinf(track.patch.turn_doubt) for track in self._tracks):
+        if own["still"] or not all(track.patch.turns for track in self._tracks):
             return own
         own = own.copy()
         own["length"] = np.hypot(*(0.5 * (jacobian(one.warp) + jacobian(two.warp)) @ self._offset))
@@ -238,7 +241,7 @@ class TextureStick(Kept):
         turn = self._turn_between(*(fit for fit in fits if fit is not None))
         return [
             replace(fit, warp=similarity(*place(fit.warp), turn_rad=turn))
-            if fit is not None and math.isinf(track.patch.turn_doubt)
+            if fit is not None and not track.patch.turns
             else fit
             for track, fit in zip(self._tracks, fits, strict=True)
         ]
@@ -247,7 +250,7 @@ class TextureStick(Kept):
         """Return whether both patches are rotated as much as the line through both points."""
         turn = self._turn_between(one, two)
         return all(
-            math.isinf(track.patch.turn_doubt) or turned(turn_of(fit.warp), turn) < _OWN_TURN_RAD
+            not track.patch.turns or turned(turn_of(fit.warp), turn) < _OWN_TURN_RAD
             for track, fit in zip(self._tracks, (one, two), strict=True)
         )
 

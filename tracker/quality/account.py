@@ -103,15 +103,18 @@ def account(
 def gap_states(rows: NDArray[np.void], angles: StickAngles) -> list[str]:
     """Return the reason, of ``STATES`` or ``impossible``, for every frame without an angle.
 
-    It is the commonest state of the moving stick's missing markers, or else of the base's; ``impossible`` where all
-    markers are seen, but were rejected later.
+    It is the commonest state of the moving stick's missing markers, or else of the base's: of two that are as common
+    the one that names what covers them, the other stick. It is ``impossible`` where all markers are seen, but were
+    rejected later.
     """
     found: list[str] = []
     for index in np.flatnonzero(~angles.valid):
         states = rows["state"][index]
         moving = states[2:] if (states[2:] != CODE["seen"]).any() else states[:2]
         away = moving[moving != CODE["seen"]]
-        found.append(STATES[int(np.bincount(away).argmax())] if len(away) else "impossible")
+        count = Counter(away.tolist())
+        most = max(count, key=lambda state: (count[state], state == CODE["shadowed"], -state), default=None)
+        found.append("impossible" if most is None else STATES[most])
     return found
 
 

@@ -245,6 +245,42 @@ def test_a_stick_that_lies_over_the_base_displaces_nothing(tmp_path: Path) -> No
     assert np.abs(error - np.median(error)).max() < np.rad2deg(np.sqrt(2.0) * 0.2 / (OUTER - INNER))
 
 
+def spotted() -> Sprite:
+    """Return a blank stick, wider than its patches, with a round spot at each of its points."""
+    picture = np.full((400, 800), 170.0, np.float32)
+    for along in (INNER, OUTER):
+        cv2.circle(picture, (round(800.0 * along / 130.0), 200), 26, 60.0, -1, cv2.LINE_AA)
+    return Sprite(picture, along_mm=65.0, width_mm=130.0)
+
+
+@pytest.mark.parametrize("beside_px", [(0.0, 0.0), (4.0, 5.0), (-6.0, 4.0)])
+def test_a_point_beside_a_round_spot_is_taken_at_its_middle(beside_px: tuple[float, float], tmp_path: Path) -> None:
+    made = film(moving=[spotted()], angle_deg=lambda t: 90.0 * np.cos(3.0 * t), frames=50)
+    places = (np.array(points(made, 1)) + beside_px).tolist()
+    error, result = tracked(made, tmp_path / "film.mp4", {"moving": places}, codec="libx264")
+    assert np.isfinite(error).all()
+    assert not doubts(result)
+    # Each point is off by less than a fifth of a pixel.
+    assert np.abs(error - np.median(error)).max() < np.rad2deg(np.sqrt(2.0) * 0.2 / (OUTER - INNER))
+
+
+def test_two_points_on_one_round_spot_are_refused(tmp_path: Path) -> None:
+    made = film(moving=[spotted()], angle_deg=lambda t: 90.0 + 0.0 * t, frames=5)
+    inner = points(made, 1)[0]
+    with pytest.raises(NoResultError, match="shows the same round spot as the stick's inner marker"):
+        tracked(made, tmp_path / "film.mkv", {"moving": [inner, [inner[0] + 3.0, inner[1] + 2.0]]})
+
+
+def test_points_on_the_wall_behind_the_stick_may_lie_on_both_sides_of_it(tmp_path: Path) -> None:
+    wall = Sprite(texture_picture(np.random.default_rng(1), 400, 560), along_mm=0.0, width_mm=316.0)
+    made = film(base=[wall], angle_deg=lambda t: 60.0 + 250.0 * t, frames=50)
+    around = [made.on_stick(0, 60.0, along).tolist() for along in (-120.0, 130.0)]
+    error, _ = tracked(made, tmp_path / "film.mp4", {"base": around}, codec="libx264")
+    assert np.isfinite(error).all()
+    # Each point is off by less than a fifth of a pixel.
+    assert np.abs(error - np.median(error)).max() < np.rad2deg(np.sqrt(2.0) * 0.2 / (OUTER - INNER))
+
+
 def test_a_point_on_the_other_stick_is_refused(tmp_path: Path) -> None:
     with pytest.raises(NoResultError, match="base, inner marker: lies on the other stick"):
         tracked(film(angle_deg=lambda t: 20.0 + 60.0 * t, frames=3), tmp_path / "film.mkv")

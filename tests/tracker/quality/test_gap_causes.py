@@ -15,7 +15,7 @@ from tests.tracker.films import Cover, Rig, write_film
 from torsight.core.tracks import MarkerTracks, StickAngles
 from tracker.angle.orient import orient
 from tracker.frames.source import open_source
-from tracker.quality.account import account
+from tracker.quality.account import account, gap_states
 from tracker.quality.gap_pictures import Seen
 from tracker.quality.gaps import find_causes, lone_marker_advice
 from tracker.quality.track_warnings import doubts
@@ -185,3 +185,20 @@ def test_a_stick_that_was_followed_faster_elsewhere_is_not_too_fast(
 ) -> None:
     seen = Seen(combed=1.0, sharpness=1.0, step_deg=step_deg, step_px=step_px, smear_px=0.0)
     assert seen.cause(usual_deg=6.3, radius_px=6.0, length_px=100.0) == cause
+
+
+@pytest.mark.parametrize(
+    ("states", "expected"),
+    [
+        (("seen", "seen", "shadowed", "hidden"), "shadowed"),
+        (("shadowed", "seen", "hidden", "hidden"), "hidden"),
+        (("hidden", "lost", "seen", "seen"), "hidden"),
+        (("seen", "seen", "seen", "seen"), "impossible"),
+    ],
+)
+def test_of_two_states_of_one_stick_that_which_names_the_cover_counts(states: tuple[str, ...], expected: str) -> None:
+    rows, unknown = np.zeros(1, ROW), np.full(1, np.nan)
+    rows["state"] = [CODE[state] for state in states]
+    no = np.zeros(1, np.bool_)
+    angles = StickAngles(np.arange(1), np.zeros(1), unknown, unknown, no, no)
+    assert gap_states(rows, angles) == [expected]
