@@ -31,10 +31,8 @@ from torsight.core.units import Flags, Floats
 from torsight.discovery.inference.noise import Stretches
 from torsight.discovery.weight import Weight
 
-MOTION: Final = 0
-REST: Final = 1
-OPENING: Final = 2
-INTERRUPTED: Final = 3
+MOTION, REST, OPENING, INTERRUPTED = range(4)
+"""Kinds of samples, each with a discrepancy of its own; that of interrupted rests is the least one."""
 _SIZE: Final = 1e-4
 """Relative accuracy of a discrepancy's variance."""
 _ROUNDS: Final = 8
