@@ -50,8 +50,6 @@ from torsight.core.units import DEG, GPA, MM, Flags, Floats
 
 LARGE_RANGE_DEG: Final = (300.0, 400.0)
 """Part of the large range that the paper fits: such a log begins with the slope of E_M, and may end with stiffening."""
-_MOST_ROWS: Final = 4000
-"""Largest number of rows of a test that are fitted; denser logs are averaged, without loss for so smooth a curve."""
 _LEAST_PRE_DEFORMATION_DEG: Final = 5.0
 """A smaller value is most likely in radians: the paper's 85° are 1.5 rad."""
 _RANGES: Final = {
@@ -184,7 +182,8 @@ def _log(table: Mapping[str, Any], folder: Path, columns: tuple[str, str], *, wh
                 limit=f"{low:g} to {high:g}",
                 do=hint,
             )
-    every = -(-len(rows) // _MOST_ROWS)
+    # At most 4000 rows are fitted: denser logs are averaged, without loss for so smooth a curve.
+    every = -(-len(rows) // 4000)
     means = block_means(rows, every)
     return means[:, 0], means[:, 1], str(name)
 

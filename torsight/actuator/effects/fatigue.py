@@ -12,15 +12,11 @@ e.g. Eggeler et al., Mater. Sci. Eng. A 378 (2004) 24.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
 from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.core.units import Floats, Ints
-
-_WOUND: Final = 2.0 / 3.0
-"""Share of θ_P to which a spring is wound in a complete cycle: 718° of the reference rig's 1080° (its θ_1)."""
 
 
 def persistence(name: str, what: str) -> Parameter:
@@ -39,7 +35,8 @@ def apply(ports: Ports, values: Values) -> Ports:
     """Scale the recoverable angle of every half-cycle, and subtract the plastic part of the loss."""
     share = (1.0 - values["fatigue_per_cycle"]) ** settling(ports.cycle, values["fatigue_persistence"])
     plastic = values["fatigue_plastic_share"]
-    whole_rad = ports.rig.recoverable_angle(_WOUND * ports.rig.theta_p_rad)
+    # In a complete cycle a spring is wound to two thirds of θ_P: 718° of the reference rig's 1080° (its θ_1).
+    whole_rad = ports.rig.recoverable_angle(2.0 / 3.0 * ports.rig.theta_p_rad)
     return replace(
         ports,
         theta_l_scale=ports.theta_l_scale * (1.0 - (1.0 - plastic) * (1.0 - share)),

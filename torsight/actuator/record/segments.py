@@ -33,8 +33,6 @@ _JUMP_RAD: Final = 0.4 * DEG
 moves by less."""
 _COLD_SHARE: Final = 0.2
 """Share of its temperature's rise below which a spring counts as cooled: it no longer moves the disk."""
-_REST_PACE: Final = 0.01
-"""Rate of a rest's drift as a share of the rate of the heating that follows: 1 °C in an hour before 2 °C a minute."""
 
 
 def turn_of(noise_c: float) -> float:
@@ -245,8 +243,9 @@ def _placed(heatings: list[Heating], temps: tuple[Floats, Floats], *, margin_c: 
     for before, item in pairwise(heatings):
         own = _without_drift(temps[item.spring][before.top : item.top + 1], margin_c=margin_c)
         low = int(np.flatnonzero(own <= own.min() + margin_c)[-1])
-        # At the margin the rise has begun already: go back to its foot, over which a rest may drift.
-        least_c = _REST_PACE * float(np.max(np.diff(own[low : low + 2]), initial=0.0))
+        # At the margin the rise has begun already: go back to its foot, over which a rest may drift by a hundredth of
+        # the heating's rate, 1 °C in an hour before 2 °C a minute.
+        least_c = 0.01 * float(np.max(np.diff(own[low : low + 2]), initial=0.0))
         while low > 0 and own[low] - own[low - 1] > least_c:
             low -= 1
         placed.append(Heating(item.spring, before.top + low, item.top, item.base_c, item.top_c))

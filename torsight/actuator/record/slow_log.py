@@ -38,8 +38,6 @@ and 0.41° (0.51°) where nothing is held, and 0.89 and 0.94° (0.92°) where to
 (benchmarks/actuator/slow_logs.py, --seeds 10)."""
 _PLACES: Final = 81
 """Heights and times at which the posterior of a top is computed: a grid 80 times finer than what is not known."""
-_SHARP: Final = 4.0
-"""Least change of slope at a corner, relative to that of the gaps beside it: for a wire that bends evenly it is two."""
 
 
 def own_readings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats] | None:
@@ -265,13 +263,13 @@ def between(time_s: Floats, temp_c: Floats, sigma_c: Floats, wanted_s: Floats) -
 def _corner_gaps(time_s: Floats, temp_c: Floats, sigma_c: Floats) -> Flags:
     """Return the mask (n − 1,) of the gaps between readings (n,) in which the wire has a corner.
 
-    At a corner the slope changes by more than noise explains and the wire bends beside it, and the lines beside the gap
-    meet within it.
+    At a corner the slope changes by more than noise explains, and by more than four times the bend beside it (for a
+    wire that bends evenly it is twice), and the lines beside the gap meet within it.
     """
     slope = np.diff(temp_c) / np.diff(time_s)
     first, before, after, last = (_beside(slope, step) for step in (-2, -1, 1, 2))
     bend = np.maximum(np.abs(before - first), np.abs(last - after))
-    seen = np.abs(after - before) > BY_CHANCE * 2.0 * sigma_c[:-1] / np.diff(time_s) + _SHARP * bend
+    seen = np.abs(after - before) > BY_CHANCE * 2.0 * sigma_c[:-1] / np.diff(time_s) + 4.0 * bend
     return np.asarray(seen & ((before - slope) * (after - slope) < 0.0))
 
 

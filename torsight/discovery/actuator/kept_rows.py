@@ -14,9 +14,7 @@ from torsight.core.series import APART, bridged, means_beside, runs, scatter, us
 from torsight.core.units import DEG, Flags, Floats, Ints
 
 REST_SPEED_DEG_S: Final = 0.02
-_REST_LEAST_S: Final = 8.0
-"""Largest speed and shortest duration of a rest, choices: the angle changes by 0.16° in it, as much as in two steps of
-the resolution."""
+"""Largest speed in a rest, a choice: in the shortest one the angle changes by 0.16°, two steps of the resolution."""
 _STOPPED_DEG: Final = 0.5
 """Distance to the angle at rest within which the angle counts as stopped."""
 
@@ -118,18 +116,13 @@ def rest_mask(time_s: Floats, observed: Floats, valid: Flags) -> Flags:
     or by less than the averages' own noise.
     """
     interval = usual_step(time_s)
-    half = max(2, round(0.5 * _REST_LEAST_S / interval))
+    half = max(2, round(0.5 * 8.0 / interval))
     filled = np.interp(time_s, time_s[valid], observed[valid])
     noise = scatter(filled)
     before, after, rows = means_beside(filled, half)
     span = 0.5 * rows * interval + 1e-9
     limit = np.maximum(REST_SPEED_DEG_S * span, 4.0 * noise * np.sqrt(2.0 / half))
-    still = np.abs(after - before) < limit
-    return _long_runs(still, least=2 * half)
-
-
-def _long_runs(flag: Flags, *, least: int) -> Flags:
-    kept = np.zeros(len(flag), bool)
-    for start, stop in runs(flag):
-        kept[start:stop] = stop - start >= least
+    kept = np.zeros(len(filled), bool)
+    for start, stop in runs(np.abs(after - before) < limit):
+        kept[start:stop] = stop - start >= 2 * half
     return kept

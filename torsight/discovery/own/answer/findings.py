@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_SHOWN: Final = 5
-"""Number of fits with a single effect or law that are listed beside the answer."""
 _BETTER: Final = 0.95
 """Share of the chosen set's error on held-out blocks below which a larger set predicts better."""
 
@@ -256,8 +254,8 @@ class Findings(Shown):
 
     @cached_property
     def best_fits(self) -> tuple[FittedSet, ...]:
-        """The plain model, the chosen set and the best sets of each size, by size and evidence."""
-        listed = [one for size in self._sizes for one in self.ranked(size)[: _SHOWN if size == 1 else 2]]
+        """The plain model, the chosen set and the best sets of each size, five of single members, two of others."""
+        listed = [one for size in self._sizes for one in self.ranked(size)[: 5 if size == 1 else 2]]
         if all(one.members != self._chosen.members for one in listed):
             listed.append(self._chosen)
         return tuple(self._fitted(one) for one in listed)

@@ -34,9 +34,6 @@ from torsight.discovery.weight import Weight
 
 KIND: Final = "own model"
 """Value of ``kind`` that distinguishes the ``model.json`` of a model of one's own from the actuator's."""
-_FIRST_SHARE: Final = 0.1
-"""Share of a record, from its beginning, to which initial states are fitted: later rows contain less and less
-information about them, and are to be predicted."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -267,7 +264,8 @@ class SavedModel:
         )
         if any(name not in record for name in self.outputs):
             return values, (note,)
-        rows = min(record.rows_, max(LEAST_ROWS, round(_FIRST_SHARE * record.rows_)))
+        # Later rows contain less and less information about initial states, and are to be predicted.
+        rows = min(record.rows_, max(LEAST_ROWS, round(0.1 * record.rows_)))
         observed = np.column_stack([record[name] for name in self.outputs])
         each = np.where(np.isfinite(observed), 1.0 / np.array(self.noise) ** 2, 0.0)
         each[rows:] = 0.0

@@ -18,8 +18,6 @@ from torsight.discovery.own.reading_error import laws_called_with
 
 _ROWS: Final = ("time_s", "observed", "sigma", "valid", "block", "rest")
 _NEEDED, _OPTIONAL = (tuple(name for name in vars(one) if name[0] != "_") for one in (NeededMembers, OptionalMembers))
-_ELSEWHERE: Final = 0.3
-"""Share of its range by which a parameter is moved to see whether the prediction depends on it."""
 
 
 def check_problem(problem: Problem) -> tuple[str, ...]:
@@ -174,7 +172,8 @@ def _check_candidate(
 
 
 def _moved(value: float, lower: float, upper: float) -> float:
-    step = _ELSEWHERE * (upper - lower if np.isfinite(upper - lower) else abs(value) or 1.0)
+    """Return a value moved by 0.3 of its range, to see whether the prediction depends on it."""
+    step = 0.3 * (upper - lower if np.isfinite(upper - lower) else abs(value) or 1.0)
     return value + step if value + step <= upper else value - step
 
 

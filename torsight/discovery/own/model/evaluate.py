@@ -301,7 +301,8 @@ class Evaluator:
             self._kept[key] = future
             while len(self._kept) * self._size > _KEPT_BYTES:
                 self._kept.popitem(last=False)
-        if self._pool is None or not self._is_ready():
+        ready = self._ready
+        if self._pool is None or ready is None or not ready.done() or ready.exception() is not None:
             self._finish(future, call(self.model, record, values, curves))
         else:
             sent = self._pool.submit(_call_sent, record, values, curves)
@@ -359,9 +360,6 @@ class Evaluator:
         if pool is not None:
             # No call is pending; a process that is still starting is not awaited.
             pool.shutdown(wait=True, kill_workers=True)
-
-    def _is_ready(self) -> bool:
-        return self._ready is not None and self._ready.done() and self._ready.exception() is None
 
     def _pickled(self, *, wanted: bool | None) -> bytes | None:
         """Return the pickled model for worker processes; None where the model stays in this process."""
