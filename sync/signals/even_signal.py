@@ -53,14 +53,7 @@ class EvenSignal:
         return value, slope, known
 
 
-def even_signal(
-    time_s: Floats,
-    value: Floats,
-    *,
-    noise: float,
-    window_s: float,
-    max_gap_s: float,
-) -> EvenSignal | None:
+def even_signal(time_s: Floats, value: Floats, *, noise: float, window_s: float, max_gap_s: float) -> EvenSignal | None:
     """Return samples of a given ``noise`` averaged onto an even grid and smoothed by a local parabola.
 
     Both steps are symmetric in time, so that they cause no shift. None where fewer than a dozen samples are known.

@@ -146,11 +146,7 @@ def _even(log: TemperatureLog, *, window_s: float, max_gap_s: float) -> dict[Spr
     found: dict[Spring, EvenSignal] = {}
     for name in get_args(Spring):
         signal = even_signal(
-            log.time_s,
-            log.temp_c(name),
-            noise=noise_c(log.temp_c(name)),
-            window_s=window_s,
-            max_gap_s=max_gap_s,
+            log.time_s, log.temp_c(name), noise=noise_c(log.temp_c(name)), window_s=window_s, max_gap_s=max_gap_s
         )
         if signal is not None:
             found[name] = signal

@@ -147,18 +147,8 @@ class ActuatorSpec(Frozen):
         for name, value in {**self.values, **zero}.items():
             sigma = ZERO_SIGMA_DEG if name in zero else self.uncertainty.get(name)
             free = sigma is not None or name == "tau_c_mnm"
-            lower, upper = fit_bounds(name, value, sigma)
-            parameters.append(
-                Parameter(
-                    name=name,
-                    value=value,
-                    unit=ALL_KEYS[name].unit,
-                    lower=lower if free else -math.inf,
-                    upper=upper if free else math.inf,
-                    sigma=sigma,
-                    fixed=not free,
-                )
-            )
+            bounds = fit_bounds(name, value, sigma) if free else (-math.inf, math.inf)
+            parameters.append(Parameter(name, value, ALL_KEYS[name].unit, *bounds, sigma=sigma, fixed=not free))
         return tuple(parameters)
 
     @property

@@ -191,13 +191,9 @@ def _log(table: Mapping[str, Any], folder: Path, columns: tuple[str, str], *, wh
 def _pre_deformation(table: Mapping[str, Any], *, where: str) -> float:
     size = abs(get_number(table, "pre_deformation_deg", where=where, lower=-5000.0, upper=5000.0))
     if size < _LEAST_PRE_DEFORMATION_DEG:
-        raise ConfigError(
-            "'pre_deformation_deg' is too small",
-            where=where,
-            value=f"{size:g}",
-            limit=f"{_LEAST_PRE_DEFORMATION_DEG:g} or more, either sign",
-            do="give it in degrees, not radians",
-        )
+        limit = f"{_LEAST_PRE_DEFORMATION_DEG:g} or more, either sign"
+        do = "give it in degrees, not radians"
+        raise ConfigError("'pre_deformation_deg' is too small", where=where, value=f"{size:g}", limit=limit, do=do)
     return size
 
 
@@ -235,11 +231,8 @@ def _force(table: Mapping[str, Any], folder: Path, *, where: str) -> ForceAngle:
 def _both_ranges(forces: tuple[ForceAngle, ...], *, where: str) -> tuple[ForceAngle, ...]:
     for large, name in ((False, "small"), (True, "large")):
         if not any(item.large is large for item in forces):
-            raise ConfigError(
-                f'has no [[force_angle]] with range = "{name}"',
-                where=where,
-                do="add it: both lines meet in the critical angle",
-            )
+            do = "add it: both lines meet in the critical angle"
+            raise ConfigError(f'has no [[force_angle]] with range = "{name}"', where=where, do=do)
     return forces
 
 

@@ -166,13 +166,9 @@ def _unheated(temps: tuple[Floats, Floats], *, where: str) -> InputError | NoRes
             limit=f"a rise of {_RISE_C:g} °C or more of one spring over the other",
             do="heat one spring at a time, or check that the two temperature columns are two sensors",
         )
-    return NoResultError(
-        "neither spring is heated",
-        where=where,
-        value=value,
-        limit=f"a rise of {_RISE_C:g} °C or more of the driven spring over the other",
-        do="record at least one heating and cooling",
-    )
+    limit = f"a rise of {_RISE_C:g} °C or more of the driven spring over the other"
+    do = "record at least one heating and cooling"
+    return NoResultError("neither spring is heated", where=where, value=value, limit=limit, do=do)
 
 
 def _switched(temps: tuple[Floats, Floats], heat: tuple[Flags, Flags]) -> list[Heating]:

@@ -335,11 +335,8 @@ class Findings(Shown):
         """
         problem = self.problem
         if not isinstance(problem, ModelProblem):
-            raise InputError(
-                "cannot predict another record",
-                where=type(problem).__name__,
-                do="make the problem with model_problem(…), whose predict takes any record",
-            )
+            do = "make the problem with model_problem(…), whose predict takes any record"
+            raise InputError("cannot predict another record", where=type(problem).__name__, do=do)
         chosen, unseen = self._chosen, self.after
         if effects is not None:
             chosen = self._fitted_with(effects)

@@ -332,11 +332,8 @@ class SavedModel:
             ) from error
         known = {name for name in made.values if RESERVED not in name}
         if {p.name for p in made.declared.every_parameter} != known or outputs != declared.outputs:
-            raise InputError(
-                "belongs to another model: parameters or outputs differ",
-                where=where,
-                do="run 'torsight missing' again with this model file",
-            )
+            do = "run 'torsight missing' again with this model file"
+            raise InputError("belongs to another model: parameters or outputs differ", where=where, do=do)
         return made
 
 
@@ -372,9 +369,6 @@ def read_model(path: Path, record: Path) -> SavedModel:
     content = read_json(path)
     file = path.parent / str(content.get("model_file"))
     if file_hash(file) != content.get("sha256"):
-        raise InputError(
-            "has changed since the values were fitted",
-            where=str(file),
-            do=f"run 'torsight missing' again, or put back the file that belongs to {path}",
-        )
+        do = f"run 'torsight missing' again, or put back the file that belongs to {path}"
+        raise InputError("has changed since the values were fitted", where=str(file), do=do)
     return SavedModel.from_json(content, declared_of(file, record), where=str(path))

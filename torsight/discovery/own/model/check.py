@@ -27,11 +27,8 @@ def check_problem(problem: Problem) -> tuple[str, ...]:
     if len(needed) == len(_NEEDED) or isinstance(problem, type):
         raise InputError("is no problem", where="find_missing", value=repr(problem), do="make it with model_problem(…)")
     if missing:
-        raise InputError(
-            f"lacks {', '.join(missing)}",
-            where=type(problem).__name__,
-            do="add what is missing, derive the class from OptionalMembers, or make the problem with model_problem(…)",
-        )
+        do = "add what is missing, derive the class from OptionalMembers, or make the problem with model_problem(…)"
+        raise InputError(f"lacks {', '.join(missing)}", where=type(problem).__name__, do=do)
     where = type(problem).__name__
     _check_rows(problem, where)
     if isinstance(problem, ModelProblem):
