@@ -344,3 +344,9 @@ class Ports:
     def with_reading(self, reading: Reading) -> Ports:
         """Return ports with a further function from φ to the reading."""
         return self.changed(reading=(*self.reading, reading))
+
+    def read(self, phi_rad: Floats, time_s: Floats) -> Floats:
+        """Return angles (k,) at times (k,) as a camera would read them."""
+        for reading in self.reading:
+            phi_rad = reading(phi_rad, time_s)
+        return phi_rad
