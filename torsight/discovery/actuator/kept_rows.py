@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.record.log_noise import NEGLIGIBLE_C
@@ -105,8 +106,7 @@ def _tops(active: Floats, angle_deg: Floats, half: Ints, turns: Ints) -> list[in
 
 def _running_median(values: Floats) -> Floats:
     """Return the running median over five rows, with gaps interpolated: the motion without the reading noise."""
-    padded = np.pad(bridged(values), 2, mode="edge")
-    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))
+    return np.asarray(median_filter(bridged(values), 5, mode="nearest"))
 
 
 def rest_mask(time_s: Floats, observed: Floats, valid: Flags) -> Flags:
