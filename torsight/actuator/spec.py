@@ -291,16 +291,9 @@ REFERENCE_VALUES: Final[Mapping[str, float]] = {
 """The reference rig: chosen to satisfy every number in the paper's text, whose tables are lost."""
 
 REFERENCE_UNCERTAINTY: Final[Mapping[str, float]] = {
-    "E_A_gpa": 1.8,
-    "E_M_gpa": 0.8,
-    "E_S_gpa": 0.25,
-    "theta_cr_deg": 5.4,
-    "A_s_c": 0.4,
-    "A_f_c": 0.4,
-    "M_s_c": 0.6,
-    "M_f_c": 0.6,
-    "tau_c_mnm": 0.3,
-}
+    "E_A_gpa": 1.8, "E_M_gpa": 0.8, "E_S_gpa": 0.25, "theta_cr_deg": 5.4,
+    "A_s_c": 0.4, "A_f_c": 0.4, "M_s_c": 0.6, "M_f_c": 0.6, "tau_c_mnm": 0.3,
+}  # fmt: skip
 """Usual errors of characterised values (3 to 5 % of moduli, 3 % of the critical angle, 0.4 and 0.6 °C)."""
 
 
