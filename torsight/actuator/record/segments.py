@@ -77,12 +77,8 @@ class HalfCycles:
 
     def counts(self) -> Ints:
         """Return the number of earlier heatings of the driven spring for each half-cycle."""
-        seen = [0, 0]
-        out = []
-        for spring in self.springs:
-            out.append(seen[spring])
-            seen[spring] += 1
-        return np.array(out, np.int64)
+        is_b = np.array(self.springs, np.int64)
+        return np.where(is_b == 1, np.cumsum(is_b), np.cumsum(1 - is_b)) - 1
 
 
 def half_cycles(
@@ -264,13 +260,8 @@ def _without_drift(temp_c: Floats, *, margin_c: float) -> Floats:
 
 
 def _chain(heatings: list[Heating], n: int, *, switched: bool) -> HalfCycles:
-    active, half = np.empty(n, np.int8), np.empty(n, np.int64)
-    starts = [0]
-    for before, item in pairwise(heatings):
-        # Warming by the neighbour may have begun earlier: a half-cycle starts after the top of the one before.
-        starts.append(max(item.start, before.top + 1))
-    bounds = [*starts, n]
-    for number, item in enumerate(heatings):
-        active[bounds[number] : bounds[number + 1]] = item.spring
-        half[bounds[number] : bounds[number + 1]] = number
-    return HalfCycles(active, half, tuple(item.spring for item in heatings), switched)
+    # Warming by the neighbour may have begun earlier: a half-cycle starts after the top of the one before.
+    starts = [max(item.start, before.top + 1) for before, item in pairwise(heatings)]
+    springs = tuple(item.spring for item in heatings)
+    half = np.repeat(np.arange(len(heatings)), np.diff([0, *starts, n]))
+    return HalfCycles(np.array(springs, np.int8)[half], half, springs, switched)
