@@ -157,12 +157,8 @@ def film_light_events(
     width, height = source.size_px
     x, y = place_px
     if not (0 <= x < width and 0 <= y < height):
-        raise ConfigError(
-            "the LED lies outside the picture",
-            where="led",
-            value=f"[{x:g}, {y:g}]",
-            limit=f"x below {width}, y below {height}",
-        )
+        limit = f"x below {width}, y below {height}"
+        raise ConfigError("the LED lies outside the picture", where="led", value=f"[{x:g}, {y:g}]", limit=limit)
     time_s, value = brightness(source, (round(x), round(y)), progress=progress)
     return led_changes(time_s, value, where=f"{film}, around pixel ({x:g}, {y:g})")
 

@@ -62,11 +62,8 @@ def match_led(
     range ``near`` are preferred. The ``gaps`` at uncertain joints of the log are further unknowns of the Gaussian.
     """
     if log.heat_a is None and log.heat_b is None:
-        raise InputError(
-            "has no column 'heat_a' or 'heat_b' to compare the LED with",
-            where="temperature log",
-            do="log the heating switch, or leave led_events out",
-        )
+        do = "log the heating switch, or leave led_events out"
+        raise InputError("has no column 'heat_a' or 'heat_b' to compare the LED with", where="temperature log", do=do)
     film = _on_film(events, frame_s)
     middle_s = float(film.time_s.mean())
     best: tuple[int, list[float], Changes] | None = None

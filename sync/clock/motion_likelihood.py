@@ -14,8 +14,8 @@ from sync.clock.gaussian_mixture import MOST_HYPOTHESES, NEGLIGIBLE_LOG, Gaussia
 from sync.clock.lag_likelihood import SHORT_LAG_S, LagMixture, lag_mixture, weighed_lags
 from sync.clock.offset_search import ALIKE, Assignment, OffsetRange, assignments, explained_share, find_ranges
 from sync.clock.stops import PairedStop, paired_stops, rise_ends, with_stops
-from sync.clock.threshold_crossings import ThresholdCrossings, collect_crossings
-from sync.clock.threshold_likelihood import around_maximum, log_weights, maxima, refine, scan, scatter_c
+from sync.clock.threshold_crossings import collect_crossings
+from sync.clock.threshold_likelihood import Thresholds, log_weights, maxima
 from sync.led import switchings_of
 from sync.log.outliers import noise_c
 from sync.log.timestamps import longest_gap_s
@@ -183,7 +183,8 @@ def _weigh(
     wide = _before(inputs, offset_range, prior)
     # Thresholds determine the sum of offset and lag, a delay; stops determine the offset alone.
     assumed_s = inputs.lag.value_s or 0.0
-    delays = _delays(inputs, crossings, offset_range, wide, lag_s=assumed_s)
+    thresholds = Thresholds(crossings, inputs.signals, inputs.gaps, assumed_s, wide)
+    delays = _delays(thresholds, offset_range)
     if not delays:
         return None
     mixture: list[Gaussian] = []
@@ -203,7 +204,6 @@ def _weigh(
             late.append(late_s)
     mixture = with_stops(mixture, np.array(late), paired, gaps=inputs.gaps, middle_s=crossings.middle_s)
     likeliest = int(np.argmax([total.log_weight for total in totals]))
-    scatter = scatter_c(crossings, inputs.signals, clock=totals[likeliest], lag_s=assumed_s, gaps=inputs.gaps)
     late_weight = softmax([part.log_weight for part in delays[likeliest].values()])
     return MotionLikelihood(
         mixture=tuple(mixture),
@@ -214,7 +214,7 @@ def _weigh(
         stops=len(paired),
         ranges=(piece.where,),
         swapped=False,
-        scatter_c=scatter,
+        scatter_c=thresholds.scatter_c(totals[likeliest]),
         late_s=float(late_weight @ list(delays[likeliest])),
     )
 
@@ -253,27 +253,18 @@ def _with_prior(gaussian: Gaussian, prior: Gaussian, middle_s: float) -> Gaussia
     return gaussian.updated(design, float(prior.mean[0]), float(prior.covariance[0, 0]))
 
 
-def _delays(
-    inputs: _Inputs, crossings: ThresholdCrossings, offset_range: OffsetRange, wide: Gaussian, *, lag_s: float
-) -> list[dict[float, Gaussian]]:
+def _delays(thresholds: Thresholds, offset_range: OffsetRange) -> list[dict[float, Gaussian]]:
     """Return the distinct maxima of the thresholds' likelihood in a range of offsets, from a scan over it."""
     step_s = max(0.5, (offset_range.high_s - offset_range.low_s) / 100.0)
     offset_s = np.arange(offset_range.low_s, offset_range.high_s + step_s, step_s)
-    points = scan(crossings, inputs.signals, offset_s=offset_s, prior=wide, lag_s=lag_s, gaps=inputs.gaps)
-    log_likelihood = log_weights(points)
-    linear, summed = (
-        functools.partial(way, crossings, inputs.signals, prior=wide, lag_s=lag_s, gaps=inputs.gaps)
-        for way in (refine, around_maximum)
-    )
+    log_likelihood = log_weights(thresholds.scan(offset_s))
     found: list[dict[float, Gaussian]] = []
     totals: list[Gaussian] = []
     for first, last in maxima(log_likelihood)[:MOST_HYPOTHESES]:
         top = first + int(np.argmax(log_likelihood[first : last + 1]))
-        start_s, limit_s = float(offset_s[top]), min(5.0, 3.0 * step_s)
-        parts = linear(start_s=start_s, limit_s=limit_s)
+        parts = thresholds.refine(start_s=float(offset_s[top]), limit_s=min(5.0, 3.0 * step_s))
         if not _is_maximum(parts, offset_range, log_likelihood[top]):
-            between_s = float(offset_s[first] - step_s), float(offset_s[last] + step_s)
-            parts = summed(between_s=between_s)
+            parts = thresholds.around_maximum(float(offset_s[first] - step_s), float(offset_s[last] + step_s))
         if not parts:
             continue
         total = mixed(parts.values())

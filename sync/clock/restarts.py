@@ -20,7 +20,7 @@ from sync.clock.offset_search import best_share
 from sync.log.repairs import LogReading
 from sync.log.restart_gaps import LONGEST_GAP_S
 from sync.log.timestamps import longest_gap_s
-from sync.signals.heating_segments import log_signals
+from sync.signals.heating_segments import HeatingSegment, log_signals
 from sync.signals.strokes import find_strokes
 from torsight.core.series import usual_step
 from torsight.core.tracks import StickAngles
@@ -122,21 +122,17 @@ def _time_away(angles: StickAngles, reading: LogReading, number: int) -> list[tu
         return []
     joint_s = float(reading.log.time_s[reading.restarts[number].index])
     away_s = np.arange(0.0, LONGEST_GAP_S, _STEP_S)
-    share = np.array(
-        [
-            best_share(
-                strokes,
-                [
-                    replace(f, begin_s=f.begin_s + away, end_s=f.end_s + away, until_s=f.until_s + away)
-                    if f.begin_s >= joint_s - 1.0
-                    else f
-                    for f in segments
-                ],
-                step_s=_STEP_S,
-            )
-            for away in away_s
+
+    def placed(away: float) -> list[HeatingSegment]:
+        """Return the segments with those after the restart so much later."""
+        return [
+            replace(f, begin_s=f.begin_s + away, end_s=f.end_s + away, until_s=f.until_s + away)
+            if f.begin_s >= joint_s - 1.0
+            else f
+            for f in segments
         ]
-    )
+
+    share = np.array([best_share(strokes, placed(away), step_s=_STEP_S) for away in away_s])
     good = away_s[share >= share.max() - 0.05]
     found = []
     for low, high, weight in _AWAY_CELLS_S:

@@ -21,9 +21,6 @@ WHOLE_STROKE: Final = 0.955
 with a corner of the temperature if the motion is slightly late. Half and twice the distance from 1 move a clock by 0.2
 of its standard deviations at most (benchmarks/sync/constants.py)."""
 
-_DELAY_POWERS: Final = 2
-"""Degree of the polynomial along a stroke by which a motion may be late: viscous friction delays the middle most."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ThresholdCrossings:
@@ -128,7 +125,8 @@ def _with_covariances(columns: Mapping[str, NDArray[Any]]) -> ThresholdCrossings
         common_c2=common + PRIORS.far_scatter_c_per_deg**2 * far_both * scatter,
         # A spring that ages shifts all its thresholds with time: as likely as scatter from stroke to stroke.
         scatter=scatter + trend,
-        delay=np.polynomial.legendre.legvander(tilt, _DELAY_POWERS) * [1.0, *[PRIORS.delay_shape] * _DELAY_POWERS],
+        # Of the second degree: viscous friction delays the middle of a stroke most.
+        delay=np.polynomial.legendre.legvander(tilt, 2) * [1.0, PRIORS.delay_shape, PRIORS.delay_shape],
         middle_s=float(0.5 * (time_s.min() + time_s.max())),
     )
 

@@ -48,10 +48,6 @@ _FEWEST: Final = 2 + len(_KINDS)
 """Least number of crossings: for offset, drift, and the unknown curve of each kind of stroke."""
 _HELD_S: Final = 0.01
 """Standard deviation with which an offset is held: nothing could be inverted with 0."""
-_GRID: Final = 33
-_POINTS: Final = 12
-"""Points of a grid of offsets, and least number that carry weight: two in a standard deviation, with which sums over a
-Gaussian are exact to a thousandth."""
 _VALLEY: Final = 5.0
 """Depth of a valley between two maxima: one unit with the power of the crossings (``crossing_temper``)."""
 _RATE_POWERS: Final = 3
@@ -79,27 +75,6 @@ class _Wire:
     variance: Floats
     known: Flags
     columns: Floats
-
-
-def _wire(
-    crossings: ThresholdCrossings, signals: LogSignals, point: Floats, gaps: Sequence[UnknownGap], lag_s: float
-) -> _Wire:
-    at_s, columns, covered = log_time(crossings.time_s, point, gaps, middle_s=crossings.middle_s)
-    n = len(crossings)
-    temp, rate, rate_sigma, variance = np.zeros(n), np.zeros(n), np.zeros(n), np.ones(n)
-    known = np.zeros(n, dtype=np.bool_)
-    for name, heating in _KINDS:
-        pick = (crossings.spring_b == (name == "b")) & (crossings.heating == heating)
-        signal = (signals.heated if heating else signals.springs).get(name)
-        if signal is None or not pick.any():
-            continue
-        value, slope, there = signal.at(at_s[pick])
-        temp[pick] = value + lag_s * slope
-        noise = signal.value_sigma**2 + (lag_s * signal.slope_sigma) ** 2
-        variance[pick] = noise + (crossings.time_sigma_s[pick] * slope) ** 2 + 1e-6
-        known[pick] = there
-        rate[pick], rate_sigma[pick] = _smooth_rates(signal, at_s[pick], slope, crossings.stroke[pick])
-    return _Wire(temp, _shrunk(crossings, rate, rate_sigma), variance, known & covered, columns)
 
 
 def _shrunk(crossings: ThresholdCrossings, rate: Floats, rate_sigma: Floats) -> Floats:
@@ -151,65 +126,117 @@ def _smooth_rates(signal: EvenSignal, at_s: Floats, slope: Floats, stroke: Ints)
     return rate, np.where(few, signal.slope_sigma, np.hypot(sigma, excess[own]))
 
 
-def refine(
-    crossings: ThresholdCrossings,
-    signals: LogSignals,
-    *,
-    start_s: float,
-    limit_s: float,
-    prior: Gaussian,
-    lag_s: float,
-    gaps: Sequence[UnknownGap],
-) -> dict[float, Gaussian]:
-    """Return the Gaussian of the clock per size of delay, s, for a given lag, from a start near the answer.
+@dataclass(frozen=True, slots=True, eq=False)
+class Thresholds:
+    """The likelihood of the clock by crossings and temperatures, for a given lag of the sensor and gaps of the log.
 
-    A step of the offset is at most ``limit_s``. Empty where too few crossings coincide with known temperatures.
+    ``prior`` is that of offset, drift and gaps. A clock is a Gaussian per size of the motion's delay, s; there is none
+    where too few crossings coincide with known temperatures.
     """
-    point = prior.mean.copy()
-    point[0] = start_s
-    # Temperatures are linearised around a point: limit the steps to where they are nearly linear.
-    limit = np.full(len(point), limit_s)
-    limit[1] = 3e-4
-    limit[2:] = np.maximum(5.0, np.sqrt(np.diag(prior.covariance)[2:]))
-    best: dict[float, Gaussian] = {}
-    for _ in range(12):
-        wire = _wire(crossings, signals, point, gaps, lag_s)
-        if np.count_nonzero(wire.known) < _FEWEST:
-            return {}
-        best = _linear(crossings, wire, point, prior)
-        move = mixed(best.values()).mean - point
-        point = point + np.clip(move, -limit, limit)
-        if np.all(np.abs(move) < 4e-4 * limit):
-            break
-    return best
 
+    crossings: ThresholdCrossings
+    signals: LogSignals
+    gaps: Sequence[UnknownGap]
+    lag_s: float
+    prior: Gaussian
 
-def scan(
-    crossings: ThresholdCrossings,
-    signals: LogSignals,
-    *,
-    offset_s: Floats,
-    prior: Gaussian,
-    lag_s: float,
-    gaps: Sequence[UnknownGap],
-    every: int = 2,
-) -> list[dict[float, Gaussian]]:
-    """Return the clock per size of delay, s, at given offsets (n,), each held fixed, mixed over ``every`` nth scatter.
+    def _wire(self, point: Floats) -> _Wire:
+        at_s, columns, covered = log_time(self.crossings.time_s, point, self.gaps, middle_s=self.crossings.middle_s)
+        n = len(self.crossings)
+        temp, rate, rate_sigma, variance = np.zeros(n), np.zeros(n), np.zeros(n), np.ones(n)
+        known = np.zeros(n, dtype=np.bool_)
+        for name, heating in _KINDS:
+            pick = (self.crossings.spring_b == (name == "b")) & (self.crossings.heating == heating)
+            signal = (self.signals.heated if heating else self.signals.springs).get(name)
+            if signal is None or not pick.any():
+                continue
+            value, slope, there = signal.at(at_s[pick])
+            temp[pick] = value + self.lag_s * slope
+            noise = signal.value_sigma**2 + (self.lag_s * signal.slope_sigma) ** 2
+            variance[pick] = noise + (self.crossings.time_sigma_s[pick] * slope) ** 2 + 1e-6
+            known[pick] = there
+            rate[pick], rate_sigma[pick] = _smooth_rates(signal, at_s[pick], slope, self.crossings.stroke[pick])
+        return _Wire(temp, _shrunk(self.crossings, rate, rate_sigma), variance, known & covered, columns)
 
-    Empty where too few crossings coincide with known temperatures.
-    """
-    found: list[dict[float, Gaussian]] = []
-    covariance = prior.covariance.copy()
-    covariance[0, :] = covariance[:, 0] = 0.0
-    covariance[0, 0] = _HELD_S**2
-    for value in offset_s:
-        point = prior.mean.copy()
-        point[0] = float(value)
-        wire = _wire(crossings, signals, point, gaps, lag_s)
-        known = np.count_nonzero(wire.known) >= _FEWEST
-        held = Gaussian(point, covariance, 0.0)
-        found.append(_linear(crossings, wire, point, held, every=every) if known else {})
-    return found
+    def refine(self, *, start_s: float, limit_s: float) -> dict[float, Gaussian]:
+        """Return the clock from a start near the answer; a step of the offset is at most ``limit_s``."""
+        point = self.prior.mean.copy()
+        point[0] = start_s
+        # Temperatures are linearised around a point: limit the steps to where they are nearly linear.
+        limit = np.full(len(point), limit_s)
+        limit[1] = 3e-4
+        limit[2:] = np.maximum(5.0, np.sqrt(np.diag(self.prior.covariance)[2:]))
+        best: dict[float, Gaussian] = {}
+        for _ in range(12):
+            wire = self._wire(point)
+            if np.count_nonzero(wire.known) < _FEWEST:
+                return {}
+            best = _linear(self.crossings, wire, point, self.prior)
+            move = mixed(best.values()).mean - point
+            point = point + np.clip(move, -limit, limit)
+            if np.all(np.abs(move) < 4e-4 * limit):
+                break
+        return best
+
+    def scan(self, offset_s: Floats, *, every: int = 2) -> list[dict[float, Gaussian]]:
+        """Return the clock at given offsets (n,), each held fixed, mixed over ``every`` nth scatter."""
+        found: list[dict[float, Gaussian]] = []
+        covariance = self.prior.covariance.copy()
+        covariance[0, :] = covariance[:, 0] = 0.0
+        covariance[0, 0] = _HELD_S**2
+        for value in offset_s:
+            point = self.prior.mean.copy()
+            point[0] = float(value)
+            wire = self._wire(point)
+            known = np.count_nonzero(wire.known) >= _FEWEST
+            held = Gaussian(point, covariance, 0.0)
+            found.append(_linear(self.crossings, wire, point, held, every=every) if known else {})
+        return found
+
+    def around_maximum(self, low_s: float, high_s: float) -> dict[float, Gaussian]:
+        """Return the clock around a maximum between two offsets.
+
+        Where linearised temperatures do not lead to the maximum, the distribution is summed up over offsets on a grid,
+        which is made finer around the maximum until 12 of its 33 points carry weight: two in a standard deviation, with
+        which sums over a Gaussian are exact to a thousandth.
+        """
+        while True:
+            offset_s, step_s = np.linspace(low_s, high_s, 33, retstep=True)
+            points = self.scan(offset_s, every=1)
+            total = log_weights(points)
+            if not np.isfinite(total).any():
+                return {}
+            likely = np.flatnonzero(total > total.max() - NEGLIGIBLE_LOG)
+            if len(likely) >= 12 or step_s < _HELD_S:
+                break
+            low_s, high_s = offset_s[max(likely[0] - 1, 0)], offset_s[min(likely[-1] + 1, len(offset_s) - 1)]
+        away = (offset_s - self.prior.mean[0]) ** 2 / self.prior.covariance[0, 0]
+        density = np.log(step_s) - 0.5 * (away + np.log(2.0 * np.pi * self.prior.covariance[0, 0]))
+        sizes = {size for one in points for size in one}
+        found = {
+            size: mixed(
+                [
+                    replace(one[size], log_weight=one[size].log_weight + float(own))
+                    for one, own in zip(points, density, strict=True)
+                    if size in one
+                ]
+            )
+            for size in sorted(sizes)
+        }
+        best = max(one.log_weight for one in found.values())
+        return {size: one for size, one in found.items() if one.log_weight > best - NEGLIGIBLE_LOG}
+
+    def scatter_c(self, clock: Gaussian) -> float:
+        """Return the most probable scatter of the temperatures at which strokes pass an angle, for the mean of a clock.
+
+        The scatters of heatings and of coolings are estimated separately, and the larger one is returned.
+        """
+        at = clock.mean
+        best = 0
+        for half in _halves(self.crossings, self._wire(at), at):
+            fit = half.square - 2.0 * half.right @ at + np.einsum("i,tcij,j->tc", at, half.information, at)
+            best = max(best, int(np.argmax(np.max(half.log_weight - 0.5 * fit, axis=0))))
+        return SCATTERS_C[best]
 
 
 def log_weights(points: Sequence[Mapping[float, Gaussian]]) -> Floats:
@@ -238,63 +265,6 @@ def maxima(log_likelihood: Floats) -> list[tuple[int, int]]:
             if peak[lower] - value < _VALLEY:
                 hill[hill == lower] = higher
     return [(int(rows[0]), int(rows[-1])) for k in range(len(peak)) if len(rows := np.flatnonzero(hill == k))]
-
-
-def around_maximum(
-    crossings: ThresholdCrossings,
-    signals: LogSignals,
-    *,
-    between_s: tuple[float, float],
-    prior: Gaussian,
-    lag_s: float,
-    gaps: Sequence[UnknownGap],
-) -> dict[float, Gaussian]:
-    """Return the Gaussian of the clock per size of delay, s, for a given lag, around a maximum between two offsets.
-
-    Where linearised temperatures do not lead to the maximum, the distribution is summed up over offsets on a grid,
-    which is made finer around the maximum until :data:`_POINTS` of it carry weight.
-    """
-    low_s, high_s = between_s
-    while True:
-        offset_s, step_s = np.linspace(low_s, high_s, _GRID, retstep=True)
-        points = scan(crossings, signals, offset_s=offset_s, prior=prior, lag_s=lag_s, gaps=gaps, every=1)
-        total = log_weights(points)
-        if not np.isfinite(total).any():
-            return {}
-        likely = np.flatnonzero(total > total.max() - NEGLIGIBLE_LOG)
-        if len(likely) >= _POINTS or step_s < _HELD_S:
-            break
-        low_s, high_s = offset_s[max(likely[0] - 1, 0)], offset_s[min(likely[-1] + 1, _GRID - 1)]
-    away = (offset_s - prior.mean[0]) ** 2 / prior.covariance[0, 0]
-    density = np.log(step_s) - 0.5 * (away + np.log(2.0 * np.pi * prior.covariance[0, 0]))
-    sizes = {size for one in points for size in one}
-    found = {
-        size: mixed(
-            [
-                replace(one[size], log_weight=one[size].log_weight + float(own))
-                for one, own in zip(points, density, strict=True)
-                if size in one
-            ]
-        )
-        for size in sorted(sizes)
-    }
-    best = max(one.log_weight for one in found.values())
-    return {size: one for size, one in found.items() if one.log_weight > best - NEGLIGIBLE_LOG}
-
-
-def scatter_c(
-    crossings: ThresholdCrossings, signals: LogSignals, *, clock: Gaussian, lag_s: float, gaps: Sequence[UnknownGap]
-) -> float:
-    """Return the most probable scatter of the temperature at which strokes pass an angle, with the clock at its mean.
-
-    The scatters of heatings and of coolings are estimated separately, and the larger one is returned.
-    """
-    at = clock.mean
-    best = 0
-    for half in _halves(crossings, _wire(crossings, signals, at, gaps, lag_s), at):
-        fit = half.square - 2.0 * half.right @ at + np.einsum("i,tcij,j->tc", at, half.information, at)
-        best = max(best, int(np.argmax(np.max(half.log_weight - 0.5 * fit, axis=0))))
-    return SCATTERS_C[best]
 
 
 def _linear(

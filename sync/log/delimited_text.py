@@ -118,11 +118,8 @@ def _parsed(body: Sequence[str], names: list[str], delimiter: str, decimal: str,
                 na_values=list(_MARKED),
             )
     except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError, OverflowError) as error:
-        raise InputError(
-            f"is not a readable table ({str(error).strip()})",
-            where=str(path),
-            do="look for a quotation mark that is not closed",
-        ) from error
+        do = "look for a quotation mark that is not closed"
+        raise InputError(f"is not a readable table ({str(error).strip()})", where=str(path), do=do) from error
 
 
 def _decode(path: Path) -> tuple[str, list[Repair]]:

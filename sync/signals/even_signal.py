@@ -53,14 +53,7 @@ class EvenSignal:
         return value, slope, known
 
 
-def even_signal(
-    time_s: Floats,
-    value: Floats,
-    *,
-    noise: float,
-    window_s: float,
-    max_gap_s: float,
-) -> EvenSignal | None:
+def even_signal(time_s: Floats, value: Floats, *, noise: float, window_s: float, max_gap_s: float) -> EvenSignal | None:
     """Return samples of a given ``noise`` averaged onto an even grid and smoothed by a local parabola.
 
     Both steps are symmetric in time, so that they cause no shift. None where fewer than a dozen samples are known.
@@ -81,7 +74,8 @@ def even_signal(
         filled = _binned(at_s, there, grid_s, step_s, filled)
     right = np.clip(np.searchsorted(at_s, grid_s), 1, len(at_s) - 1)
     bridged = at_s[right] - at_s[right - 1] <= max_gap_s
-    points = _odd(window_s / step_s, count)
+    # An odd number, no larger than that of the grid's points.
+    points = min(2 * max(2, round(window_s / step_s / 2.0)) + 1, count - 1 + count % 2)
     smooth, value_spread = _local_parabola(filled, points, slope=False)
     slope, slope_spread = _local_parabola(filled, points, slope=True)
     scale = noise / np.sqrt(per_point)
@@ -110,10 +104,6 @@ def _local_parabola(values: Floats, points: int, *, slope: bool) -> tuple[Floats
 
     found = savgol_filter(values, points, 2, deriv=int(slope))
     return found, float(np.linalg.norm(savgol_coeffs(points, 2, deriv=int(slope))))
-
-
-def _odd(points: float, most: int) -> int:
-    return min(2 * max(2, round(points / 2.0)) + 1, most - 1 + most % 2)
 
 
 def _binned(at_s: Floats, there: Floats, grid_s: Floats, step_s: float, filled: Floats) -> Floats:

@@ -143,18 +143,12 @@ def _driven(segments: Sequence[HeatingSegment], springs: Mapping[Spring, EvenSig
 
 
 def _even(log: TemperatureLog, *, window_s: float, max_gap_s: float) -> dict[Spring, EvenSignal]:
-    found: dict[Spring, EvenSignal] = {}
-    for name in get_args(Spring):
-        signal = even_signal(
-            log.time_s,
-            log.temp_c(name),
-            noise=noise_c(log.temp_c(name)),
-            window_s=window_s,
-            max_gap_s=max_gap_s,
-        )
-        if signal is not None:
-            found[name] = signal
-    return found
+    temps: dict[Spring, Floats] = {name: log.temp_c(name) for name in get_args(Spring)}
+    found = {
+        name: even_signal(log.time_s, temp_c, noise=noise_c(temp_c), window_s=window_s, max_gap_s=max_gap_s)
+        for name, temp_c in temps.items()
+    }
+    return {name: signal for name, signal in found.items() if signal is not None}
 
 
 def _until_the_next(segments: list[HeatingSegment]) -> tuple[HeatingSegment, ...]:

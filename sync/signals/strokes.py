@@ -25,10 +25,6 @@ _PAUSE_SHARE: Final = 0.15
 _LONGEST_PAUSE_S: Final = 5.0
 """Pause from which it must also be short against the shorter motion: half of it at most. Half and twice of both values
 give the same clock (benchmarks/sync/constants.py)."""
-_POWERS: Final = 2
-"""Degree of the polynomial through the frames: a speed that changes linearly."""
-_FEWEST: Final = _POWERS + 2
-"""Least number of frames that are combined: one more than the coefficients."""
 _NOISE_PER_STEP: Final = 0.05
 """More frames are combined until noise shifts the crossing by less than this share of the time between frames. Half and
 twice this value move a clock by 0.12 of its standard deviations at most (benchmarks/sync/constants.py)."""
@@ -185,7 +181,8 @@ def crossing_time(
     NaN where the frames around do not determine it, because they end or the travel does not grow there. ``travel_rad``
     (n,) is the travel at each frame of the stroke, ``noise_rad`` its standard deviation.
     """
-    count = _FEWEST
+    # One more than the coefficients of a parabola.
+    count = 4
     while True:
         found = _with(time_s, travel_rad, level_rad, near_s=near_s, noise_rad=noise_rad, count=count)
         if found is None:
@@ -210,7 +207,7 @@ def _with(
     x, y = time_s[first:last] - near_s, travel_rad[first:last] - level_rad
     step_s = float(x[-1] - x[0]) / (count - 1)
     line = np.polyfit(x, y, 1)
-    powers = np.vander(x / step_s, _POWERS + 1, increasing=True)
+    powers = np.vander(x / step_s, 3, increasing=True)
     coefficient = np.linalg.lstsq(powers, y, rcond=None)[0]
     reach_s = 0.5 * float(x[-1] - x[0])
     root_s = _root(coefficient, reach_s / step_s) * step_s

@@ -30,11 +30,6 @@ from torsight.core.words.wording import RESOLUTION_DEG, counted, number
 
 ROW_RATE_HZ: Final = 5.0
 """Rows per second to which a faster record is thinned for a fit, approximately."""
-_ROW_STEP_C: Final = 0.25
-"""Change of temperature per row that 99 % of the rows stay below; faster heatings and coolings keep more rows for that.
-A row's mean angle then lies within 0.1° of the angle at its instant, unless motion starts or stops within the row."""
-_ROUNDED_RAD: Final = 1e-5
-"""Least scatter of an angle: differences below this value are rounding errors."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -267,7 +262,8 @@ def start_angle(angle_rad: Floats, sigma_rad: Floats) -> float:
     angle = angle_rad[valid]
     sigma = np.where(np.isfinite(sigma_rad[valid]), sigma_rad[valid], 0.0)
     spread = float(np.median(np.abs(np.diff(angle[:200])))) if len(angle) > 8 else 0.0
-    band = 5.0 * max(float(np.median(sigma[:200])), spread, _ROUNDED_RAD)
+    # Differences below 1e-5 rad are rounding errors.
+    band = 5.0 * max(float(np.median(sigma[:200])), spread, 1e-5)
     count = min(4, len(angle))
     while count < min(len(angle), 4000):
         step = angle[count : count + max(4, count // 2)]
@@ -309,7 +305,9 @@ def _driven(
     noise = max(a.noise_c, b.noise_c)
     cycles = half_cycles(a.temp_c, b.temp_c, heat_a=log.heat_a, heat_b=log.heat_b, noise_c=noise, where=where)
     fastest_c_s = max(float(np.quantile(np.abs(item.rate_c_s), 0.99)) for item in (a, b))
-    rows = _kept_rows(time_s, max(row_rate_hz, fastest_c_s / _ROW_STEP_C))
+    # In 99 % of the rows a temperature changes by less than 0.25 °C: a row's mean angle then lies within 0.1° of the
+    # angle at its instant, unless motion starts or stops within the row.
+    rows = _kept_rows(time_s, max(row_rate_hz, fastest_c_s / 0.25))
     nothing, least_c = np.full(len(rows), np.nan), turn_of(noise)
     at_a, at_b = (_at_rows(item, rows, least_c) for item in (a, b))
     sigma_c = by_role(cycles.active, a.sigma_c, b.sigma_c)[0][rows]

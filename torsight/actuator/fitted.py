@@ -42,9 +42,6 @@ _MOST_COUNTED: Final = int(MOST_ROWS_APART_S / SHORTEST_S)
 """Largest number of cycles or whole turns in a file: of the shortest cycles in the longest record."""
 _SAME_HOME_RAD: Final = 2.0 * DEG
 """Largest distance of two angles that count as the same home: a choice, stated in the documentation."""
-_RAMP_S: Final = 200.0
-"""Duration of one heating or cooling that is drawn: the plain model does not depend on it, and a sensor's lag is much
-shorter."""
 _FURTHEST_DEG: Final = KEYS["theta_p_deg"].upper
 _COLD: Final = 0.999
 """Martensite fraction above which a spring counts as cold: by the law's cosine the temperature is then at most
@@ -264,7 +261,8 @@ def _full_cycle(rig: Rig) -> tuple[TemperatureLog, float]:
     hot_c = rig.a_finish_c + torque_nm * rig.stress_per_torque / rig.c_austenite
     hot_c += 0.25 * (rig.a_finish_c - rig.a_start_c)
     cold_c = rig.m_finish_c - 0.25 * (rig.m_start_c - rig.m_finish_c)
-    edges_s, edges_c = _RAMP_S * np.arange(5), [cold_c, hot_c, cold_c]
+    # The plain model does not depend on the duration of a heating, and a sensor's lag is much shorter.
+    edges_s, edges_c = 200.0 * np.arange(5), [cold_c, hot_c, cold_c]
     time_s = np.arange(0.0, edges_s[-1] + 1.0)
     a_c, b_c = np.interp(time_s, edges_s[:3], edges_c), np.interp(time_s, edges_s[2:], edges_c)
     return TemperatureLog(time_s, a_c, b_c), cycle.theta_1_rad - 0.5 * rig.theta_p_rad

@@ -28,13 +28,9 @@ STEEPEST: Final = 0.9
 """Steepest rise of a loading curve over its second slope, as a share of K_M − K_S: unwinding with K_M is steeper."""
 REACH_RAD: Final = 100.0 * DEG
 """Angle beyond an onset at which a power law has its declared size, whatever the exponent."""
-_GOES_ON: Final = 0.05
-"""Least rate of a transformation whose temperature advances, as a share of the phase law's rate: a choice."""
 _GRID_POINTS: Final = len(PLACES)
 """Nodes of a table, 1.35° apart over the paper's angles: linear interpolation misses a wave five times per turn, the
 shortest of a law, by (2π 1.35° / 72°)² / 8 = 0.2 % of its size."""
-_GRID_MARGIN: Final = 0.25
-"""Extension of the tables over the angle beyond both ends, as a share of θ_P: a choice. The last values hold beyond."""
 SPEEDS_RAD_S: Final = np.linspace(0.0, 1.0, _GRID_POINTS)
 """Speeds of the table of friction over speed; the last value holds beyond. The paper's rig reaches 0.2 rad/s."""
 _SAMPLED: Final = frozenset(("time_s", "temp_a_c", "temp_b_c", "active", "half", "passive_share"))
@@ -79,8 +75,8 @@ def _added(tables: Pair, torque_nm: Floats, spring: str) -> Pair:
 
 @functools.lru_cache(maxsize=16)
 def _grids_rad(theta_p_rad: float) -> tuple[Floats, Floats]:
-    """Return the tables' angles θ^A and φ, read-only."""
-    margin = _GRID_MARGIN * theta_p_rad
+    """Return the tables' angles θ^A and φ, read-only: a quarter of θ_P beyond both ends, where the last values hold."""
+    margin = 0.25 * theta_p_rad
     own = np.linspace(-margin, theta_p_rad + margin, _GRID_POINTS)
     phi = own - 0.5 * theta_p_rad
     own.flags.writeable = phi.flags.writeable = False
@@ -280,10 +276,13 @@ class Ports:
         return self.changed(lead=(before[0] + heating, before[1] + cooling))
 
     def moved_places(self) -> tuple[Floats | None, Floats | None]:
-        """Return the leads, limited so that a transformation never reverses while its temperature advances."""
+        """Return the leads, limited so that a transformation never reverses while its temperature advances.
+
+        It goes on at a twentieth of the phase law's rate, a choice.
+        """
         if self.lead is None:
             return None, None
-        heating, cooling = (no_steeper(lead, PLACES, np.inf, _GOES_ON - 1.0) for lead in self.lead)
+        heating, cooling = (no_steeper(lead, PLACES, np.inf, 0.05 - 1.0) for lead in self.lead)
         return heating, cooling
 
     def with_loading(self, torque_nm: Floats, *, follows: float = 1.0, spring: str = "both") -> Ports:
@@ -345,3 +344,9 @@ class Ports:
     def with_reading(self, reading: Reading) -> Ports:
         """Return ports with a further function from φ to the reading."""
         return self.changed(reading=(*self.reading, reading))
+
+    def read(self, phi_rad: Floats, time_s: Floats) -> Floats:
+        """Return angles (k,) at times (k,) as a camera would read them."""
+        for reading in self.reading:
+            phi_rad = reading(phi_rad, time_s)
+        return phi_rad

@@ -129,7 +129,7 @@ def run_ports(ports: Ports) -> Simulation:
         friction = friction + np.interp(phi, ports.phi_grid_rad(), ports.stray_nm)
     return Simulation(
         time_s=ports.time_s,
-        angle_rad=_read(phi, ports),
+        angle_rad=ports.read(phi, ports.time_s),
         phi_rad=phi,
         xi_a=out[1],
         xi_b=out[2],
@@ -159,7 +159,7 @@ def seen_of_ports(ports: Ports) -> tuple[Floats, Floats]:
         for beside, early in ((rows - 1, 0.5 * (1.0 - passed) ** 2), (rows, 1.0 - 0.5 * passed**2)):
             theta_a[beside] += jump * (early - (beside == rows))
             sigma[beside] = np.hypot(sigma[beside], np.abs(jump) * np.sqrt(early * (1.0 - early)))
-    return _read(theta_a - 0.5 * ports.rig.theta_p_rad, ports), sigma
+    return ports.read(theta_a - 0.5 * ports.rig.theta_p_rad, ports.time_s), sigma
 
 
 def _stepped(ports: Ports) -> tuple[Floats, Floats]:
@@ -171,14 +171,6 @@ def _stepped(ports: Ports) -> tuple[Floats, Floats]:
     cycling = np.array((ports.theta_l_scale, ports.theta_l_loss_rad, ports.warmer_heating_c, ports.warmer_cooling_c))
     sections = np.array((ports.section_weight, ports.section_drop_c, ports.section_drop_share))
     return kernel.run(samples, cycling.T.copy(), _scalars(ports), _tables(ports), sections, start)
-
-
-def _read(phi_rad: Floats, ports: Ports) -> Floats:
-    """Return the angle (n,) as a camera would read it."""
-    angle = phi_rad
-    for reading in ports.reading:
-        angle = reading(angle, ports.time_s)
-    return angle
 
 
 _OF_PORTS: Final = tuple(name for name in places.SCALARS.names or () if name in Ports.__dataclass_fields__)
@@ -261,10 +253,7 @@ def _unread(angle_rad: float, ports: Ports) -> float:
         return angle_rad
     phi = angle_rad
     for _ in range(60):
-        read = np.array([phi])
-        for reading in ports.reading:
-            read = reading(read, ports.time_s[:1])
-        step = angle_rad - float(read[0])
+        step = angle_rad - float(ports.read(np.array([phi]), ports.time_s[:1])[0])
         phi += step
         if abs(step) < places.ROUNDED:
             break

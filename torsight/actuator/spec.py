@@ -147,18 +147,8 @@ class ActuatorSpec(Frozen):
         for name, value in {**self.values, **zero}.items():
             sigma = ZERO_SIGMA_DEG if name in zero else self.uncertainty.get(name)
             free = sigma is not None or name == "tau_c_mnm"
-            lower, upper = fit_bounds(name, value, sigma)
-            parameters.append(
-                Parameter(
-                    name=name,
-                    value=value,
-                    unit=ALL_KEYS[name].unit,
-                    lower=lower if free else -math.inf,
-                    upper=upper if free else math.inf,
-                    sigma=sigma,
-                    fixed=not free,
-                )
-            )
+            bounds = fit_bounds(name, value, sigma) if free else (-math.inf, math.inf)
+            parameters.append(Parameter(name, value, ALL_KEYS[name].unit, *bounds, sigma=sigma, fixed=not free))
         return tuple(parameters)
 
     @property
@@ -301,16 +291,9 @@ REFERENCE_VALUES: Final[Mapping[str, float]] = {
 """The reference rig: chosen to satisfy every number in the paper's text, whose tables are lost."""
 
 REFERENCE_UNCERTAINTY: Final[Mapping[str, float]] = {
-    "E_A_gpa": 1.8,
-    "E_M_gpa": 0.8,
-    "E_S_gpa": 0.25,
-    "theta_cr_deg": 5.4,
-    "A_s_c": 0.4,
-    "A_f_c": 0.4,
-    "M_s_c": 0.6,
-    "M_f_c": 0.6,
-    "tau_c_mnm": 0.3,
-}
+    "E_A_gpa": 1.8, "E_M_gpa": 0.8, "E_S_gpa": 0.25, "theta_cr_deg": 5.4,
+    "A_s_c": 0.4, "A_f_c": 0.4, "M_s_c": 0.6, "M_f_c": 0.6, "tau_c_mnm": 0.3,
+}  # fmt: skip
 """Usual errors of characterised values (3 to 5 % of moduli, 3 % of the critical angle, 0.4 and 0.6 °C)."""
 
 

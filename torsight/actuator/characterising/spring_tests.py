@@ -50,8 +50,6 @@ from torsight.core.units import DEG, GPA, MM, Flags, Floats
 
 LARGE_RANGE_DEG: Final = (300.0, 400.0)
 """Part of the large range that the paper fits: such a log begins with the slope of E_M, and may end with stiffening."""
-_MOST_ROWS: Final = 4000
-"""Largest number of rows of a test that are fitted; denser logs are averaged, without loss for so smooth a curve."""
 _LEAST_PRE_DEFORMATION_DEG: Final = 5.0
 """A smaller value is most likely in radians: the paper's 85° are 1.5 rad."""
 _RANGES: Final = {
@@ -184,7 +182,8 @@ def _log(table: Mapping[str, Any], folder: Path, columns: tuple[str, str], *, wh
                 limit=f"{low:g} to {high:g}",
                 do=hint,
             )
-    every = -(-len(rows) // _MOST_ROWS)
+    # At most 4000 rows are fitted: denser logs are averaged, without loss for so smooth a curve.
+    every = -(-len(rows) // 4000)
     means = block_means(rows, every)
     return means[:, 0], means[:, 1], str(name)
 
@@ -192,13 +191,9 @@ def _log(table: Mapping[str, Any], folder: Path, columns: tuple[str, str], *, wh
 def _pre_deformation(table: Mapping[str, Any], *, where: str) -> float:
     size = abs(get_number(table, "pre_deformation_deg", where=where, lower=-5000.0, upper=5000.0))
     if size < _LEAST_PRE_DEFORMATION_DEG:
-        raise ConfigError(
-            "'pre_deformation_deg' is too small",
-            where=where,
-            value=f"{size:g}",
-            limit=f"{_LEAST_PRE_DEFORMATION_DEG:g} or more, either sign",
-            do="give it in degrees, not radians",
-        )
+        limit = f"{_LEAST_PRE_DEFORMATION_DEG:g} or more, either sign"
+        do = "give it in degrees, not radians"
+        raise ConfigError("'pre_deformation_deg' is too small", where=where, value=f"{size:g}", limit=limit, do=do)
     return size
 
 
@@ -236,11 +231,8 @@ def _force(table: Mapping[str, Any], folder: Path, *, where: str) -> ForceAngle:
 def _both_ranges(forces: tuple[ForceAngle, ...], *, where: str) -> tuple[ForceAngle, ...]:
     for large, name in ((False, "small"), (True, "large")):
         if not any(item.large is large for item in forces):
-            raise ConfigError(
-                f'has no [[force_angle]] with range = "{name}"',
-                where=where,
-                do="add it: both lines meet in the critical angle",
-            )
+            do = "add it: both lines meet in the critical angle"
+            raise ConfigError(f'has no [[force_angle]] with range = "{name}"', where=where, do=do)
     return forces
 
 

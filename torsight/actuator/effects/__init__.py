@@ -61,6 +61,11 @@ def unknown_share(name: str, *, symbol: str, title: str) -> Parameter:
     return Parameter(name, 0.5, "", 0.0, 1.0, sigma=12.0**-0.5, null=0.0, symbol=symbol, title=title)
 
 
+def share(name: str, start: float, *, symbol: str, title: str) -> Parameter:
+    """Return the parameter of a share that is usually none or the whole: one half is one standard deviation off."""
+    return Parameter(name, start, "", 0.0, 1.0, sigma=0.5, symbol=symbol, title=title)
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Effect(Shown):
     """One effect as a declaration.
@@ -178,4 +183,7 @@ def chosen_effects(ids: tuple[str, ...]) -> tuple[Effect, ...]:
     return tuple(sorted(chosen, key=lambda effect: (STAGES.index(effect.acts_on), effect.order, effect.id)))
 
 
-__all__ = ["Derived", "Effect", "Parameter", "Ports", "Values", "amplitude_and_phase", "load_effects", "unknown_share"]
+__all__ = [
+    "Derived", "Effect", "Parameter", "Ports", "Values", "amplitude_and_phase", "load_effects", "share",
+    "unknown_share",
+]  # fmt: skip

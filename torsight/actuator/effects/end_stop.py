@@ -9,16 +9,11 @@ modelled as a stiff spring, e.g. Brogliato, Nonsmooth Mechanics (2016), ch. 2.
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.core.series import extent
 from torsight.core.units import DEG, MNM, Floats
-
-_BEFORE_DEG: Final = 2.0
-"""Distance of a stop's start value inside the ends of the motion: beyond them a stop would have no effect."""
 
 
 def stop_torque(phi_rad: Floats, *, stop_rad: float, stiffness_nm: float) -> Floats:
@@ -33,9 +28,10 @@ def stiffness(name: str, title: str) -> Parameter:
 
 
 def ends_deg(angle_rad: Floats) -> tuple[float, float]:
-    """Return the start values of stops: slightly inside the lowest and the highest measured angle."""
+    """Return the start values of stops: inside the extreme measured angles, beyond which a stop has no effect."""
     low_deg, high_deg = extent(angle_rad / DEG)
-    return low_deg + _BEFORE_DEG, high_deg - _BEFORE_DEG
+    inside_deg = 2.0
+    return low_deg + inside_deg, high_deg - inside_deg
 
 
 def apply(ports: Ports, values: Values) -> Ports:

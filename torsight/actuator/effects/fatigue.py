@@ -12,15 +12,11 @@ e.g. Eggeler et al., Mater. Sci. Eng. A 378 (2004) 24.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
-from torsight.actuator.effects import Effect, Parameter, Ports, Values
+from torsight.actuator.effects import Effect, Parameter, Ports, Values, share
 from torsight.core.units import Floats, Ints
-
-_WOUND: Final = 2.0 / 3.0
-"""Share of θ_P to which a spring is wound in a complete cycle: 718° of the reference rig's 1080° (its θ_1)."""
 
 
 def persistence(name: str, what: str) -> Parameter:
@@ -37,13 +33,14 @@ def settling(cycle: Ints, persistence: float) -> Floats:
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Scale the recoverable angle of every half-cycle, and subtract the plastic part of the loss."""
-    share = (1.0 - values["fatigue_per_cycle"]) ** settling(ports.cycle, values["fatigue_persistence"])
+    left = (1.0 - values["fatigue_per_cycle"]) ** settling(ports.cycle, values["fatigue_persistence"])
     plastic = values["fatigue_plastic_share"]
-    whole_rad = ports.rig.recoverable_angle(_WOUND * ports.rig.theta_p_rad)
+    # In a complete cycle a spring is wound to two thirds of θ_P: 718° of the reference rig's 1080° (its θ_1).
+    whole_rad = ports.rig.recoverable_angle(2.0 / 3.0 * ports.rig.theta_p_rad)
     return replace(
         ports,
-        theta_l_scale=ports.theta_l_scale * (1.0 - (1.0 - plastic) * (1.0 - share)),
-        theta_l_loss_rad=ports.theta_l_loss_rad + plastic * (1.0 - share) * whole_rad,
+        theta_l_scale=ports.theta_l_scale * (1.0 - (1.0 - plastic) * (1.0 - left)),
+        theta_l_loss_rad=ports.theta_l_loss_rad + plastic * (1.0 - left) * whole_rad,
     )
 
 
@@ -55,7 +52,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("fatigue_per_cycle", 0.005, "", 0.0, 0.4, null=0.0, symbol="r", title="loss in the first cycle"),
         persistence("fatigue", "loss"),
-        Parameter("fatigue_plastic_share", 0.0, "", 0.0, 1.0, sigma=0.5, symbol="p", title="plastic share of the loss"),
+        share("fatigue_plastic_share", 0.0, symbol="p", title="plastic share of the loss"),
     ),
     apply=apply,
     starts=({"fatigue_per_cycle": 0.03},),

@@ -20,8 +20,6 @@ from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.core.series import usual_step
 from torsight.core.units import DEG, Floats
 
-_LEAST_HALF_S: Final = 0.25
-"""Half of the shortest time over which a row is averaged."""
 _BESIDE: Final = 6
 """Rows on either side of a step that are fitted: a parabola and a step leave eight of twelve degrees of freedom for the
 noise."""
@@ -31,16 +29,11 @@ _LEAST_STEP_RAD: Final = 0.1 * DEG
 """A difference of no importance: least standard deviation of a step."""
 
 
-def half_widths_s(time_s: Floats) -> Floats:
-    """Return half of the time (n,) over which each row is averaged, s."""
+def step(time_s: Floats, *, at_s: float) -> Floats:
+    """Return the share, 0 to 1, of a step at ``at_s`` that each row (n,), averaged over 0.5 s or more, contains."""
     gap = np.diff(time_s)
     nearer = np.minimum(np.append(gap, np.inf), np.insert(gap, 0, np.inf))
-    return np.maximum(_LEAST_HALF_S, 0.5 * np.where(np.isfinite(nearer), nearer, 0.0))
-
-
-def step(time_s: Floats, *, at_s: float) -> Floats:
-    """Return the share, 0 to 1, of a step at ``at_s`` that each row (n,) contains."""
-    half_s = half_widths_s(time_s)
+    half_s = np.maximum(0.25, 0.5 * np.where(np.isfinite(nearer), nearer, 0.0))
     return np.clip((time_s - at_s) / (2.0 * half_s) + 0.5, 0.0, 1.0)
 
 

@@ -11,16 +11,10 @@ section 4.2 (home position).
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.core.units import DEG
-
-_SIGMA_DEG: Final = 10.0
-"""Change of the recoverable angle where the torque at which a spring stopped differs by a quarter of the friction
-torque: 0.25 τ_c / (K_M − K_S) (1 − K_S/K_M) = 9° for the paper's rig."""
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -45,7 +39,9 @@ EFFECT = Effect(
             unit="°",
             lower=-60.0,
             upper=60.0,
-            sigma=_SIGMA_DEG,
+            # The angle changes by 9° on the paper's rig where the torque at which a spring stopped differs by a quarter
+            # of the friction torque: 0.25 τ_c / (K_M − K_S) (1 − K_S/K_M).
+            sigma=10.0,
             null=0.0,
             symbol=f"δ_{spring.upper()}",
             title=f"recoverable angle that spring {spring.upper()} lacks at first",

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from torsight.actuator.effects import Effect, Parameter, Ports, Values
+from torsight.actuator.effects import Effect, Parameter, Ports, Values, share
 from torsight.actuator.ports import DWELL_DECADES
 
 
@@ -38,7 +38,7 @@ EFFECT = Effect(
         ),
         Parameter("static_time_s", 60.0, "s", 1.0, 600.0, sigma=60.0, symbol="t_0", title="time of friction's growth"),
         Parameter("static_power", 1.0, "", 0.3, 4.0, sigma=0.5, symbol="p", title="power of the growth"),
-        Parameter("static_swing", 0.0, "", 0.0, 1.0, sigma=0.5, symbol="s", title="part of a jump that inertia adds"),
+        share("static_swing", 0.0, symbol="s", title="part of a jump that inertia adds"),
     ),
     apply=apply,
     jumps=True,

@@ -14,24 +14,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from torsight.actuator.effects import Effect, Parameter, Ports, Values
+from torsight.actuator.effects import Effect, Parameter, Ports, Values, share
 from torsight.actuator.ports import REACH_RAD, no_steeper
 from torsight.core.units import DEG, MNM, Floats
 
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Let both springs stiffen: k_3 R³ ((θ − θ_on)₊ / R)^p at rising angles, with a limited slope."""
-    share, theta_rad = values["stiffening_loading_share"], ports.grid_rad()
+    loading, theta_rad = values["stiffening_loading_share"], ports.grid_rad()
     past = np.maximum(0.0, theta_rad - values["stiffening_onset_deg"] * DEG) / REACH_RAD
 
     def part_nm(of_it: float, steepest_nm: float) -> Floats:
         cubic_nm = of_it * values["stiffening_mnm_per_rad3"] * MNM
         return no_steeper(cubic_nm * REACH_RAD**3 * past ** values["stiffening_exponent"], theta_rad, steepest_nm)
 
-    if share > 0.0:
+    if loading > 0.0:
         follows = values["stiffening_followed_share"]
-        ports = ports.with_loading(part_nm(share, ports.steepest_bend_nm), follows=follows)
-    return ports if share == 1.0 else ports.with_side(part_nm(1.0 - share, ports.rig.k_austenite))
+        ports = ports.with_loading(part_nm(loading, ports.steepest_bend_nm), follows=follows)
+    return ports if loading == 1.0 else ports.with_side(part_nm(1.0 - loading, ports.rig.k_austenite))
 
 
 EFFECT = Effect(
@@ -52,25 +52,9 @@ EFFECT = Effect(
             title="winding at which stiffening begins",
         ),
         Parameter("stiffening_exponent", 3.0, "", 0.8, 6.0, sigma=1.0, symbol="p", title="power of the stiffening"),
-        Parameter(
-            name="stiffening_loading_share",
-            value=0.0,
-            unit="",
-            lower=0.0,
-            upper=1.0,
-            sigma=0.5,
-            symbol="w",
-            title="share that belongs to the loading curve",
-        ),
-        Parameter(
-            name="stiffening_followed_share",
-            value=1.0,
-            unit="",
-            lower=0.0,
-            upper=1.0,
-            sigma=0.5,
-            symbol="f",
-            title="share of that part which the recoverable angle follows",
+        share("stiffening_loading_share", 0.0, symbol="w", title="share that belongs to the loading curve"),
+        share(
+            "stiffening_followed_share", 1.0, symbol="f", title="share of that part which the recoverable angle follows"
         ),
     ),
     apply=apply,

@@ -54,10 +54,7 @@ def friction_of(ports: Ports, angle_deg: Floats) -> Floats:
 
 def reading_of(ports: Ports, angle_deg: Floats) -> Floats:
     """Return what is added to the reading over the angle, degrees."""
-    read_rad = angle_deg * DEG
-    for reading in ports.reading:
-        read_rad = reading(read_rad, np.zeros_like(read_rad))
-    return read_rad / DEG - angle_deg
+    return ports.read(angle_deg * DEG, np.zeros_like(angle_deg)) / DEG - angle_deg
 
 
 def _scaled(factor: str, driver: Callable[[Ports], Floats]) -> Callable[[Ports, Curve], Ports]:

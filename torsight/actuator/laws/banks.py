@@ -19,17 +19,8 @@ _COUNTS = (2.0, 5.0)
 _LEFT = (0.01, 0.05)
 """Shares of the transformation that a logistic law places before a window, and after it: usual ones; the exponential
 leaves 1 %."""
-_FADES = 2.0
-"""Steps past a window over which a smooth phase law fades, a choice: two steps there are a tenth of the window."""
 _RELAXES_S = (10.0, 100.0, 1000.0)
 """Onset times of relaxations with the logarithm of time: the decades between one row and a whole record, s."""
-_UNSTEADY = 0.1
-"""Size of the lasting changes beside a slope, as a share of what the slope comes to: where wear is proportional to what
-is left, its rate has changed by a tenth once a tenth is lost."""
-_WANDERS = 0.1
-"""Wander of a clock as a share of its possible offset: computers that were never synchronised differ by seconds and
-drift by tenths of a second an hour (200 ppm), and a network's corrections move a clock by some tens of milliseconds
-(Mills, RFC 5905)."""
 
 
 def waves(nodes: Floats) -> tuple[Kernel, ...]:
@@ -106,7 +97,8 @@ def counted(nodes: Floats) -> tuple[Kernel, ...]:
         sums[f"changes that last for {n:g}"] = 2.0 * common + n * (np.add.outer(faded, faded) - apart - 1.0)
     changes = [Kernel(name, matrix / matrix[-1, -1], smooth=True) for name, matrix in sums.items()]
     line = outer(off)
-    steady = Kernel("slope", line + _UNSTEADY**2 * line[-1, -1] * changes[-1].matrix, smooth=False)
+    # Where wear is proportional to what is left, its rate has changed by a tenth once a tenth is lost.
+    steady = Kernel("slope", line + 0.1**2 * line[-1, -1] * changes[-1].matrix, smooth=False)
     return (steady, *usual_kernels(forms), *changes)
 
 
@@ -126,13 +118,17 @@ def relaxing(nodes: Floats) -> tuple[Kernel, ...]:
 
 
 def wandering(nodes: Floats) -> tuple[Kernel, ...]:
-    """Return functions for the offset of one clock from another: a constant, a slope, both with a small smooth part."""
+    """Return functions for the offset of one clock from another: a constant, a slope, both with a small smooth part.
+
+    This part is a tenth of the offset: computers that were never synchronised differ by seconds and drift by tenths of
+    a second an hour (200 ppm), and a network's corrections move a clock by some tens of milliseconds (Mills, RFC 5905).
+    """
     constant = np.ones_like(nodes)
     line = outer(constant) + slope(nodes)
     smooth = smooth_kernels(nodes, shares=(0.5, 0.25, 0.12))
     return (
         *usual_kernels([("constant", constant), ("slope", nodes - nodes.mean())]),
-        *(replace(one, matrix=line + _WANDERS**2 * one.matrix) for one in smooth),
+        *(replace(one, matrix=line + 0.1**2 * one.matrix) for one in smooth),
     )
 
 
@@ -150,7 +146,8 @@ def leading(nodes: Floats) -> tuple[Kernel, ...]:
         logistic = np.tanh(math.log((1.0 - share) / share) * (0.5 - place))
         forms[f"logistic, {share:.0%} past either end"] = np.arccos(logistic) / np.pi - place
     past = np.abs(own - np.clip(own, 0.0, IN_WINDOW))
-    within = np.exp(-((past / _FADES) ** 2))
+    # Over two steps, a choice: past a window they are a tenth of it.
+    within = np.exp(-((past / 2.0) ** 2))
     faded = np.outer(within, within)
     usual = sum(outer(form) for form in forms.values())
     kinds = [(kernel, False) for kernel in usual_kernels(list(forms.items()))]

@@ -23,9 +23,6 @@ COLDEST: Final = len(_BEYOND)
 """Index of the node at the lowest temperature that the record covers."""
 _LEAST_WARMING_C: Final = 3.0
 """Range of the passive spring's temperature below which a record contains no information on laws over it."""
-_AHEAD: Final = 2
-"""Nodes of a law over cycles, per cycle of the record: half of them lie beyond the record, where the prior alone
-determines mean and variance."""
 
 
 class Nodes(NamedTuple):
@@ -127,7 +124,8 @@ def cycle_nodes(drive: Drive) -> Nodes | None:
 
 
 def _counted(count: int) -> Nodes:
-    return Nodes(np.arange(_AHEAD * count, dtype=np.float64), 0.0, count - 1.0)
+    # Half of them lie beyond the record, where the prior alone determines mean and variance.
+    return Nodes(np.arange(2 * count, dtype=np.float64), 0.0, count - 1.0)
 
 
 def unlike_nodes(drive: Drive) -> Nodes | None:

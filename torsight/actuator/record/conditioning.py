@@ -21,15 +21,7 @@ import numpy as np
 from torsight.actuator.record.holds import beside_corners, level_holds
 from torsight.actuator.record.log_noise import NEGLIGIBLE_C, SHORTEST, last_digit, measure_noise
 from torsight.actuator.record.ripple import ripple_peaks
-from torsight.actuator.record.slow_log import (
-    SLOW_S,
-    Read,
-    between,
-    own_readings,
-    tops_of,
-    turns_missed,
-    turns_reached,
-)
+from torsight.actuator.record.slow_log import SLOW_S, Read, between, own_readings, tops_of, turns_missed, turns_reached
 from torsight.actuator.record.smoother import Smoothed, smoothed
 from torsight.actuator.record.turns import REVERSAL_C, at_places, turns_of
 from torsight.core.series import usual_step

@@ -34,13 +34,9 @@ _FEW_ROWS: Final = 4
 _UNDONE: Final = 0.01
 """Share of the changes that the next one undoes: three in a thousand at most where rounding is all the noise, four in a
 hundred and more with noise of a tenth of the last digit."""
-_BIWEIGHT: Final = 1.547645
-"""Size of a deviation, in scales, from which the biweight is constant: breakdown point of one half, as for a median
-(Rousseeuw and Yohai, in Robust and Nonlinear Time Series Analysis (1984) 256)."""
-_SCALE_ROUNDS: Final = 50
 _SCALE_DONE: Final = 1e-3
-"""Relative step at which Newton's iteration ends, well before ``_SCALE_ROUNDS``: a tenth of the scale's uncertainty
-with ten thousand readings."""
+"""Relative step at which Newton's iteration for a scale ends: a tenth of the scale's uncertainty with ten thousand
+readings."""
 _NOISE: Final = np.linspace(0.0, 1.0, 101)
 _ORDERS: Final = np.arange(1, 201)[:, None]
 _IN_MEAN: Final = np.sum(np.exp(-((2.0 * np.pi * _ORDERS * _NOISE) ** 2)) / (2.0 * (np.pi * _ORDERS) ** 2), axis=0)
@@ -200,7 +196,8 @@ def _scatter(rows: Floats, stride: int) -> Floats:
 
     The median of rounded readings' differences is a multiple of the last digit. The M-estimate of scale with Tukey's
     biweight is a smooth function of the differences, so that it averages over their steps, and is as robust against
-    outliers.
+    outliers: constant from 1.547645 scales on, its breakdown point is one half, as that of a median (Rousseeuw and
+    Yohai, in Robust and Nonlinear Time Series Analysis (1984) 256).
     """
     size = np.abs(differences(rows, stride))
     known = np.isfinite(size)
@@ -211,8 +208,8 @@ def _scatter(rows: Floats, stride: int) -> Floats:
     seen = 2 * np.count_nonzero(size > 0.0, axis=1) > count
     scale[left[~seen[left]]] = 0.0
     left = left[seen[left]]
-    for _ in range(_SCALE_ROUNDS):
-        inside = 1.0 - np.minimum(size[left] / (_BIWEIGHT * scale[left, None]), 1.0) ** 2
+    for _ in range(50):
+        inside = 1.0 - np.minimum(size[left] / (1.547645 * scale[left, None]), 1.0) ** 2
         over = 0.5 - np.sum(inside**3, axis=1, where=known[left]) / count[left]
         slope = np.sum(6.0 * (1.0 - inside) * inside**2, axis=1, where=known[left]) / count[left]
         step = np.clip(over / slope, -0.5, 0.5)

@@ -51,12 +51,8 @@ def read_log(
     table = read_log_table(path, chosen_columns(columns, units))
     for repair in table.repairs:
         if repair.kind not in _HARMLESS:
-            raise InputError(
-                "has rows for which there can be no result",
-                where=str(path),
-                value=repair.text,
-                do="mend them: every row of the log gets a result",
-            )
+            do = "mend them: every row of the log gets a result"
+            raise InputError("has rows for which there can be no result", where=str(path), value=repair.text, do=do)
     written = table.frame.notna().any(axis=1).to_numpy()
     frame, lines = table.frame[written], (np.flatnonzero(written) + table.first_line).tolist()
     time_s, spelled = frame["time_s"].to_numpy(np.float64), table.spelled

@@ -25,8 +25,6 @@ Predictions of later records of rigs with pulsed heaters are as good, to 3 %, wi
 (benchmarks/actuator/pulsed_heaters.py)."""
 UNSURE: Final = 0.5
 """Relative standard deviation of the height: it covers a disturbed sensor (no ripple) as well as sharper peaks."""
-_SHARPEST: Final = 2.0
-"""Largest height of a peak in medians of a ripple's absolute deviation: √2 for a sine, 2 for a triangle."""
 
 
 def ripple_peaks(time_s: Floats, temp_c: Floats, found_c: Floats, noise_c: float, alike: float) -> Floats:
@@ -39,9 +37,10 @@ def ripple_peaks(time_s: Floats, temp_c: Floats, found_c: Floats, noise_c: float
     rows = min(len(residual_c), max(1, round(OVER_S / usual_step(time_s))))
     first = rows // 2
     inside = np.clip(np.arange(len(residual_c)), first, first + len(residual_c) - rows)
-    # At a corner of the temperature a few residuals are large: limit them to those of noise or of the sharpest peak.
+    # At a corner of the temperature a few residuals are large: limit them to those of noise or of the sharpest peak,
+    # whose height in medians of a ripple's absolute deviation is √2 for a sine, 2 for a triangle.
     usual = median_filter(np.abs(residual_c), rows)[inside]
-    most_c = np.maximum(REACH * noise_c, _SHARPEST * usual)
+    most_c = np.maximum(REACH * noise_c, 2.0 * usual)
     square = uniform_filter1d(np.minimum(np.abs(residual_c), most_c) ** 2, rows)[inside]
     # Readings that are held for two rows or more form steps, whose residuals on a ramp resemble a ripple: at most every
     # second one differs from the one before. Of a ripple larger than the last digit nearly all do.

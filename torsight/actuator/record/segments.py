@@ -33,8 +33,6 @@ _JUMP_RAD: Final = 0.4 * DEG
 moves by less."""
 _COLD_SHARE: Final = 0.2
 """Share of its temperature's rise below which a spring counts as cooled: it no longer moves the disk."""
-_REST_PACE: Final = 0.01
-"""Rate of a rest's drift as a share of the rate of the heating that follows: 1 °C in an hour before 2 °C a minute."""
 
 
 def turn_of(noise_c: float) -> float:
@@ -79,12 +77,8 @@ class HalfCycles:
 
     def counts(self) -> Ints:
         """Return the number of earlier heatings of the driven spring for each half-cycle."""
-        seen = [0, 0]
-        out = []
-        for spring in self.springs:
-            out.append(seen[spring])
-            seen[spring] += 1
-        return np.array(out, np.int64)
+        is_b = np.array(self.springs, np.int64)
+        return np.where(is_b == 1, np.cumsum(is_b), np.cumsum(1 - is_b)) - 1
 
 
 def half_cycles(
@@ -168,13 +162,9 @@ def _unheated(temps: tuple[Floats, Floats], *, where: str) -> InputError | NoRes
             limit=f"a rise of {_RISE_C:g} °C or more of one spring over the other",
             do="heat one spring at a time, or check that the two temperature columns are two sensors",
         )
-    return NoResultError(
-        "neither spring is heated",
-        where=where,
-        value=value,
-        limit=f"a rise of {_RISE_C:g} °C or more of the driven spring over the other",
-        do="record at least one heating and cooling",
-    )
+    limit = f"a rise of {_RISE_C:g} °C or more of the driven spring over the other"
+    do = "record at least one heating and cooling"
+    return NoResultError("neither spring is heated", where=where, value=value, limit=limit, do=do)
 
 
 def _switched(temps: tuple[Floats, Floats], heat: tuple[Flags, Flags]) -> list[Heating]:
@@ -245,8 +235,9 @@ def _placed(heatings: list[Heating], temps: tuple[Floats, Floats], *, margin_c: 
     for before, item in pairwise(heatings):
         own = _without_drift(temps[item.spring][before.top : item.top + 1], margin_c=margin_c)
         low = int(np.flatnonzero(own <= own.min() + margin_c)[-1])
-        # At the margin the rise has begun already: go back to its foot, over which a rest may drift.
-        least_c = _REST_PACE * float(np.max(np.diff(own[low : low + 2]), initial=0.0))
+        # At the margin the rise has begun already: go back to its foot, over which a rest may drift by a hundredth of
+        # the heating's rate, 1 °C in an hour before 2 °C a minute.
+        least_c = 0.01 * float(np.max(np.diff(own[low : low + 2]), initial=0.0))
         while low > 0 and own[low] - own[low - 1] > least_c:
             low -= 1
         placed.append(Heating(item.spring, before.top + low, item.top, item.base_c, item.top_c))
@@ -269,13 +260,8 @@ def _without_drift(temp_c: Floats, *, margin_c: float) -> Floats:
 
 
 def _chain(heatings: list[Heating], n: int, *, switched: bool) -> HalfCycles:
-    active, half = np.empty(n, np.int8), np.empty(n, np.int64)
-    starts = [0]
-    for before, item in pairwise(heatings):
-        # Warming by the neighbour may have begun earlier: a half-cycle starts after the top of the one before.
-        starts.append(max(item.start, before.top + 1))
-    bounds = [*starts, n]
-    for number, item in enumerate(heatings):
-        active[bounds[number] : bounds[number + 1]] = item.spring
-        half[bounds[number] : bounds[number + 1]] = number
-    return HalfCycles(active, half, tuple(item.spring for item in heatings), switched)
+    # Warming by the neighbour may have begun earlier: a half-cycle starts after the top of the one before.
+    starts = [max(item.start, before.top + 1) for before, item in pairwise(heatings)]
+    springs = tuple(item.spring for item in heatings)
+    half = np.repeat(np.arange(len(heatings)), np.diff([0, *starts, n]))
+    return HalfCycles(np.array(springs, np.int8)[half], half, springs, switched)

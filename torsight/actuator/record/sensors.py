@@ -20,8 +20,6 @@ LAG_GRID_S: Final = (0.0, 0.7, 1.5, 2.5, 3.7, 5.2, 7.0, 9.2, 12.0, 16.0, 21.0, 2
 """Time constants for which the wires' temperatures are estimated; between them they are interpolated. For 3 s the error
 is then 14.09 mK, that of a direct estimate 14.08 mK (benchmarks/actuator/log_constants.py, --seeds 10)."""
 
-_KEPT: Final = 16
-"""Number of corrections that are kept: those beside which other values change, and a few of a step of the lag."""
 _COUNTS: Final = 0.0625
 """Weight of the evidence that a log gives for a time constant: with it, the evidence for the true one is less than that
 for the best by as much as of an estimate with one Gaussian error (benchmarks/actuator/log_lags.py)."""
@@ -71,7 +69,8 @@ class Sensors:
         Errors that were added to the conditioned temperatures grow as the smoother's own do.
         """
         if (spring, lag_s) not in self._last:
-            if len(self._last) >= _KEPT:
+            # Kept are those beside which other values change, and a few of a step of the lag.
+            if len(self._last) >= 16:
                 self._last.clear()
             self._last[spring, lag_s] = self._behind(spring, lag_s)
         off_c, sigma_c = self._last[spring, lag_s]

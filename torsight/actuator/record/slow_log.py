@@ -36,10 +36,6 @@ _LONGEST_HOLD_S: Final = 40.0
 up to this value: a choice. With half and twice this value the error on later records with readings every 3 s is 0.75
 and 0.41° (0.51°) where nothing is held, and 0.89 and 0.94° (0.92°) where tops are held for up to 15 s
 (benchmarks/actuator/slow_logs.py, --seeds 10)."""
-_PLACES: Final = 81
-"""Heights and times at which the posterior of a top is computed: a grid 80 times finer than what is not known."""
-_SHARP: Final = 4.0
-"""Least change of slope at a corner, relative to that of the gaps beside it: for a wire that bends evenly it is two."""
 
 
 def own_readings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats] | None:
@@ -177,18 +173,19 @@ def _top(time_s: Floats, temp_c: Floats, sigma_c: Floats, read: Read, ends: tupl
     down = _Line.towards(time_s[back][::-1], course[back][::-1], float(sigma_c[after]))
     if min(up.slope, down.slope) <= 0.0:
         return None
-    past_s = np.linspace(0.0, end_s - begin_s, _PLACES)
+    # Times and heights at which the posterior is computed: a grid 80 times finer than what is not known.
+    past_s = np.linspace(0.0, end_s - begin_s, 81)
     limit = np.minimum(up.at(past_s), down.at(past_s[::-1]))
     meets = int(np.argmax(limit))
     # Readings without noise are known to their last digit.
     rows = slice(before + 1, after)
     own_s, own, own_sigma = time_s[rows], sense * read.temp_c[rows], read.sigma_c[rows] + FINEST_C
     # A grid that is fine where a reading leaves little doubt.
-    near = (own[:, None] + own_sigma[:, None] * np.linspace(-BY_CHANCE, BY_CHANCE, _PLACES)).ravel()
+    near = (own[:, None] + own_sigma[:, None] * np.linspace(-BY_CHANCE, BY_CHANCE, len(past_s))).ravel()
     least = max(course[before], course[after])
     if limit[meets] <= least or np.max(own - BY_CHANCE * own_sigma) > limit[meets]:
         return None
-    height = np.unique(np.clip(np.r_[np.linspace(least, limit[meets], _PLACES), near], least, limit[meets]))
+    height = np.unique(np.clip(np.r_[np.linspace(least, limit[meets], len(past_s)), near], least, limit[meets]))
     ends_s = np.interp(-height, -limit[meets:], past_s[meets:])
     lasts_s = ends_s - np.interp(height, limit[: meets + 1], past_s[: meets + 1])
     # Half of all heatings are held, for any time up to the longest; the others end where the lines meet.
@@ -265,13 +262,13 @@ def between(time_s: Floats, temp_c: Floats, sigma_c: Floats, wanted_s: Floats) -
 def _corner_gaps(time_s: Floats, temp_c: Floats, sigma_c: Floats) -> Flags:
     """Return the mask (n − 1,) of the gaps between readings (n,) in which the wire has a corner.
 
-    At a corner the slope changes by more than noise explains and the wire bends beside it, and the lines beside the gap
-    meet within it.
+    At a corner the slope changes by more than noise explains, and by more than four times the bend beside it (for a
+    wire that bends evenly it is twice), and the lines beside the gap meet within it.
     """
     slope = np.diff(temp_c) / np.diff(time_s)
     first, before, after, last = (_beside(slope, step) for step in (-2, -1, 1, 2))
     bend = np.maximum(np.abs(before - first), np.abs(last - after))
-    seen = np.abs(after - before) > BY_CHANCE * 2.0 * sigma_c[:-1] / np.diff(time_s) + _SHARP * bend
+    seen = np.abs(after - before) > BY_CHANCE * 2.0 * sigma_c[:-1] / np.diff(time_s) + 4.0 * bend
     return np.asarray(seen & ((before - slope) * (after - slope) < 0.0))
 
 

@@ -69,10 +69,6 @@ from torsight.actuator.stepping.kernel_starts import mirror_hold, start_half_cyc
 from torsight.core.compiled import compiled, copy_to, inlined, shared
 from torsight.core.units import DEG, Floats
 
-_LETS_STAND: Final = 0.1
-"""Drop of friction, as a share of its sliding value, from which a disk counts as having come to a standstill; a choice.
-Without it an overshoot of zero length would change the angle. On records of a rig with mass the evidence is the same
-with half this value and 50 log units lower with twice."""
 _AGREED_NM: Final = 1e-11
 """Difference of torque that moves the disk by a millionth of a degree."""
 _BALANCES: Final = 8
@@ -128,8 +124,10 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
                 # Inertia carries the disk past its balance, where friction holds it until the torque has risen again.
                 s["x"] += p["swing"] * (s["x"] - held)
                 transform_at_rest(state, p, tables, sections)
-                # The reference state is renewed in proportion to the drop of friction, up to a complete standstill.
-                stands = min(1.0, p["swing"] * (hold / scale - 1.0) / _LETS_STAND)
+                # The reference state is renewed in proportion to the drop of friction, up to a complete standstill at a
+                # tenth of its sliding value, a choice: otherwise an overshoot of zero length would change the angle. On
+                # records of a rig with mass the evidence is the same with half of it, 50 log units lower with twice.
+                stands = min(1.0, p["swing"] * (hold / scale - 1.0) / 0.1)
                 q["begun"], q["at_rest"] = q["begun"] + stands * (s["xi"] - q["begun"]), 0.0
             keep_slide(abs(s["x"] - x), s)
             if hold > scale:

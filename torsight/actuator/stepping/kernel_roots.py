@@ -44,8 +44,6 @@ from torsight.core.units import Floats
 # 1e-13 N·m is 1e-10 rad; the errors of the samples do not accumulate, because the laws are no increments.
 TORQUE_TOLERANCE: Final = 1e-13
 SLIP_TOLERANCE: Final = 4.0 * TORQUE_TOLERANCE
-_NEWTON_STEPS: Final = 8
-"""One or two are usual; where as many as this do not converge, the bracketed search is more reliable."""
 
 
 @inlined
@@ -114,7 +112,8 @@ def glide(s: Scalars, q: Scalars, w: Floats, p: Scalars, o: Scalars, tables: Flo
     bare = not may_creep and p["has_friction"] + p["has_stray"] + p["side_row"] + o["side_row"] + p["dwell_step"] == 0.0
     least_excess = 0.0 if bare else SLIP_TOLERANCE
     x += sense * max(s["guess"], 0.0)
-    for _ in range(_NEWTON_STEPS):
+    # One or two steps are usual; where as many as this do not converge, the bracketed search is more reliable.
+    for _ in range(8):
         if bare:
             load, load_slope = cold_and_slope(x, s, o, tables)
             load -= sense * p["tau_c"]

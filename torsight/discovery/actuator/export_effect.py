@@ -87,19 +87,12 @@ def export_effect(path: Path, model: FittedModel, laws: tuple[MeasuredLaw, ...])
     """
     name = path.stem
     if path.suffix != ".py" or not _ID.fullmatch(name) or name in load_effects():
-        raise ConfigError(
-            "is no name for a new effect",
-            where="--export-effect",
-            value=str(path),
-            limit="a new id in small letters, digits and _, with .py",
-            do="name it by what it is, for example lead_wires.py",
-        )
+        limit = "a new id in small letters, digits and _, with .py"
+        do = "name it by what it is, for example lead_wires.py"
+        raise ConfigError("is no name for a new effect", where="--export-effect", value=str(path), limit=limit, do=do)
     if not model.model.laws:
-        raise NoResultError(
-            "no law was measured, so there is none to write",
-            where="--export-effect",
-            do="read the verdict in the report",
-        )
+        do = "read the verdict in the report"
+        raise NoResultError("no law was measured, so there is none to write", where="--export-effect", do=do)
     form = next(form for form in model.model.laws if form.id == laws[0].id)
     write_text(path, effect_source(name, form, model.values, sentence=laws[0].sentence))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.record.log_noise import NEGLIGIBLE_C
@@ -14,9 +15,7 @@ from torsight.core.series import APART, bridged, means_beside, runs, scatter, us
 from torsight.core.units import DEG, Flags, Floats, Ints
 
 REST_SPEED_DEG_S: Final = 0.02
-_REST_LEAST_S: Final = 8.0
-"""Largest speed and shortest duration of a rest, choices: the angle changes by 0.16° in it, as much as in two steps of
-the resolution."""
+"""Largest speed in a rest, a choice: in the shortest one the angle changes by 0.16°, two steps of the resolution."""
 _STOPPED_DEG: Final = 0.5
 """Distance to the angle at rest within which the angle counts as stopped."""
 
@@ -107,8 +106,7 @@ def _tops(active: Floats, angle_deg: Floats, half: Ints, turns: Ints) -> list[in
 
 def _running_median(values: Floats) -> Floats:
     """Return the running median over five rows, with gaps interpolated: the motion without the reading noise."""
-    padded = np.pad(bridged(values), 2, mode="edge")
-    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))
+    return np.asarray(median_filter(bridged(values), 5, mode="nearest"))
 
 
 def rest_mask(time_s: Floats, observed: Floats, valid: Flags) -> Flags:
@@ -118,18 +116,13 @@ def rest_mask(time_s: Floats, observed: Floats, valid: Flags) -> Flags:
     or by less than the averages' own noise.
     """
     interval = usual_step(time_s)
-    half = max(2, round(0.5 * _REST_LEAST_S / interval))
+    half = max(2, round(0.5 * 8.0 / interval))
     filled = np.interp(time_s, time_s[valid], observed[valid])
     noise = scatter(filled)
     before, after, rows = means_beside(filled, half)
     span = 0.5 * rows * interval + 1e-9
     limit = np.maximum(REST_SPEED_DEG_S * span, 4.0 * noise * np.sqrt(2.0 / half))
-    still = np.abs(after - before) < limit
-    return _long_runs(still, least=2 * half)
-
-
-def _long_runs(flag: Flags, *, least: int) -> Flags:
-    kept = np.zeros(len(flag), bool)
-    for start, stop in runs(flag):
-        kept[start:stop] = stop - start >= least
+    kept = np.zeros(len(filled), bool)
+    for start, stop in runs(np.abs(after - before) < limit):
+        kept[start:stop] = stop - start >= 2 * half
     return kept

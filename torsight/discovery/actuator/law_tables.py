@@ -27,10 +27,7 @@ _POINTS: Final = 121
 
 
 def measured_laws(
-    problem: ActuatorProblem,
-    chosen: Explanation,
-    shares: Mapping[str, float],
-    names: Mapping[str, str],
+    problem: ActuatorProblem, chosen: Explanation, shares: Mapping[str, float], names: Mapping[str, str]
 ) -> tuple[MeasuredLaw, ...]:
     """Return the laws of an explanation, strongest first.
 

@@ -212,12 +212,8 @@ class SeveralRecords(OptionalMembers):
 
     def effects_of(self, record: int, effects: Sequence[str]) -> tuple[str, ...]:
         """Return the members of a set that act on a record, by the effects' own ids."""
-        found = []
-        for name in effects:
-            effect, place = self._places.get(name, (name, record))
-            if place == record:
-                found.append(effect)
-        return tuple(found)
+        placed = (self._places.get(name, (name, record)) for name in effects)
+        return tuple(effect for effect, place in placed if place == record)
 
     def values_of(self, record: int, values: Mapping[str, float]) -> dict[str, float]:
         """Return the values for a record's own model: the shared ones, and its own without their ending."""

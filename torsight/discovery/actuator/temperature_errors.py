@@ -34,9 +34,6 @@ _DRAWS: Final = 24
 """Number of draws. A row in which a disk may jump counts as noisy only if a draw moves the jump: the log evidence of
 six clean records varies with the seed by 3 units (median; 4 at most), with half as many draws by 5 (54)
 (benchmarks/discovery/tops.py, --first 6 --draws)."""
-_SUMS: Final = 8
-"""Number of sums of lasting errors, and of successive errors of which no two share their signs: two of each of four
-half-cycles' tops. A power of two, for which there is a matrix of Hadamard."""
 
 
 def smooth_errors(drive: Drive, *, seed: int) -> list[Added]:
@@ -96,12 +93,14 @@ def lasting_sums(drive: Drive) -> list[Added]:
     """Return sums of all persistent errors, each error one standard deviation in size.
 
     The mean square of the angle's changes by the sums is that by independent errors: the signs of an error in the sums
-    are a column of Hadamard's matrix, and the products of two errors with different columns cancel. Among a few draws
-    the size of an error would be a matter of chance.
+    are a column of Hadamard's matrix, and the products of two errors with different columns cancel. No two of eight
+    successive errors, two of each of four half-cycles' tops, share their signs. Among a few draws the size of an error
+    would be a matter of chance.
     """
-    tops, signs, sums = _rows_of_tops(drive), scipy.linalg.hadamard(_SUMS), np.zeros((_SUMS, 2, len(drive)))
+    tops, signs = _rows_of_tops(drive), scipy.linalg.hadamard(8)
+    sums = np.zeros((len(signs), 2, len(drive)))
     for number, (rows, error_c) in enumerate(_lasting(drive)):
-        sums[:, :, rows] += np.multiply.outer(signs[:, number % _SUMS], error_c)
+        sums[:, :, rows] += np.multiply.outer(signs[:, number % len(signs)], error_c)
     return [Added((a_c, b_c), *tops) for a_c, b_c in sums]
 
 

@@ -2,7 +2,7 @@
 
 Every programme is simulated with the thermal model of the record's wires, and each rival predicts the angle. The worth
 of a programme is the least gain over all pairs of rivals after a refit (:mod:`.separation`). The search first tries
-every kind of half-cycle alone, then mixes the best one with every other; the gains of the finalists are found by
+every kind of half-cycle alone, then mixes the best one with every other; the gains of three finalists are found by
 refits. Where even the best one promises little more gain than needed, the finalists are also tried at twice their
 length, because the promise holds only for the rig as it was fitted. A gain beyond what is surely enough counts little,
 and so does a shorter duration.
@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
-from torsight.core.law import LawForm
 from torsight.core.progress import Progress, silent
 from torsight.core.series import known_median
 from torsight.core.units import DEG, Floats
@@ -40,12 +39,6 @@ _LITTLE: Final = 4.0
 """... and multiple below which the gain of a programme is too small to rely on."""
 NEEDED_GAIN: Final = Settings().apart
 """Gain at which rivals cease to be rivals."""
-_LEAST_DURATION_S: Final = 3600.0
-"""Longest duration of a programme, an hour ..."""
-_DURATION_FACTOR: Final = 1.5
-"""... or this many times the duration of the record, where that is longer."""
-_FINALISTS: Final = 3
-"""Number of programmes whose gains are found by refits, after the gains of all were found linearly."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,11 +116,12 @@ class _Planner:
     def __post_init__(self) -> None:
         problem, chosen = self.problem, self.explanations[0]
         self.rivals = [_rival(problem, one) for one in self.explanations]
-        simulation = problem.with_laws(_forms(chosen)).simulate(chosen.fit.values, chosen.fit.effects)
+        simulation = problem.with_laws(self.rivals[0].forms).simulate(chosen.fit.values, chosen.fit.effects)
         habits = Habits.of(problem.drive, (simulation.xi_a, simulation.xi_b))
         self.heat, self.full_c = Heat.of(problem.drive), habits.full_c
         self.menu = menu(habits, self.heat)
-        self.longest_s = max(_LEAST_DURATION_S, _DURATION_FACTOR * float(np.ptp(problem.drive.time_s)))
+        # An hour, or half as long again as the record.
+        self.longest_s = max(3600.0, 1.5 * float(np.ptp(problem.drive.time_s)))
 
     def best(self) -> _Weighed:
         """Search: every kind of half-cycle alone, mixtures with the best one, then refits for the finalists."""
@@ -143,7 +137,7 @@ class _Planner:
         mixed = [(first, first, name, name) for name in names] + [(first, name, name, first) for name in names]
         weighed = alone | self._weigh_all([key for key in dict.fromkeys(mixed) if key not in alone])
         whole = {key: item for key, item in weighed.items() if item.programme.completes(self.full_c)}
-        finalists = [item for _, item in self._ranked(whole or weighed)[:_FINALISTS]]
+        finalists = [item for _, item in self._ranked(whole or weighed)[:3]]
         best = self._best_refitted([item.programme for item in finalists])
         if least_gain(best.gains) >= _LITTLE * self.needed_gain:
             return best
@@ -257,10 +251,6 @@ class _Planner:
         return columns
 
 
-def _forms(explanation: Explanation) -> tuple[LawForm, ...]:
-    return tuple(item.form for item in explanation.laws)
-
-
 def _rival(problem: ActuatorProblem, explanation: Explanation) -> Rival:
     """Return an explanation as it applies to a later record: without the events of this record."""
     events = {candidate.id for candidate in problem.candidates if candidate.event is not None}
@@ -268,7 +258,8 @@ def _rival(problem: ActuatorProblem, explanation: Explanation) -> Rival:
     own = {p.name for c in problem.candidates if c.id in events for p in c.parameters}
     fitted = zip(explanation.fit.parameters, explanation.fit.solution.x.tolist(), strict=True)
     kept = {p: value for p, value in fitted if p.name not in own}
-    return Rival(explanation.members, lasting, tuple(kept), np.array(list(kept.values())), _forms(explanation))
+    forms = tuple(item.form for item in explanation.laws)
+    return Rival(explanation.members, lasting, tuple(kept), np.array(list(kept.values())), forms)
 
 
 def _sentence(words: str, names: Sequence[str], *, gain: float, repeat_gain: float, needed_gain: float) -> str:

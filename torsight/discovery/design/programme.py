@@ -25,8 +25,6 @@ from torsight.core.units import Floats, Ints
 
 STEP_S: Final = 0.5 * SLOW_S
 """Time between rows of a planned log: half the longest at which a record's corners are still resolved."""
-_FIRST_REST_S: Final = 20.0
-"""Time without heating before the first half-cycle: the film then shows the angle of the unheated actuator."""
 _MEASURED_ROUNDING_S: Final = (0.5, 20.0)
 """Bounds of the time constant with which a wire's free cooling begins, as estimated from a record: a row of the plan,
 and half the time that a wire takes to cool (45 s); a heater that fades for longer is another programme."""
@@ -122,7 +120,8 @@ class Programme:
     def play(self, heat: Heat) -> Played:
         """Return the readings of both springs under the programme, with corners rounded by the sensors."""
         wires, segments = _Wires(heat), []
-        wires.lead(0, [None] * round(_FIRST_REST_S / STEP_S))
+        # The film first shows the angle of the unheated actuator, for 20 s.
+        wires.lead(0, [None] * round(20.0 / STEP_S))
         for number, plan in enumerate(self.half_cycles):
             for leg in (*plan.legs, None):
                 start_c, change_c, hold = wires.temps_c[number % 2][-1], 0.0, 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -108,15 +109,9 @@ def menu(habits: Habits, heat: Heat) -> Mapping[str, HalfCyclePlan]:
 
 def in_words(programme: Programme) -> str:
     """Return a programme as part of a sentence; equal cycles in a row are named once, with their number."""
-    cycles: list[tuple[tuple[HalfCyclePlan, ...], int]] = []
     plans = programme.half_cycles
-    for first in range(0, len(plans), 2):
-        cycle = plans[first : first + 2]
-        if cycles and cycles[-1][0] == cycle:
-            cycles[-1] = (cycle, cycles[-1][1] + 1)
-        else:
-            cycles.append((cycle, 1))
-    return "; then ".join(_cycle_in_words(cycle, count) for cycle, count in cycles)
+    cycles = (plans[first : first + 2] for first in range(0, len(plans), 2))
+    return "; then ".join(_cycle_in_words(cycle, len(list(same))) for cycle, same in itertools.groupby(cycles))
 
 
 def _cycle_in_words(cycle: Sequence[HalfCyclePlan], count: int) -> str:

@@ -33,8 +33,6 @@ from torsight.discovery.own.own_records import LEAST_ROWS
 from torsight.discovery.own.prepare import MUCH_BETTER, prepare
 from torsight.discovery.settings import Settings
 
-_MOST_TRACES: Final = 20
-"""Number of failures whose traceback is kept."""
 _MISJUDGED: Final = 1.5
 """Ratio of estimated to given noise, or its inverse, from which a warning is given: with it an interval of 95 % holds
 81 %, or 99.7 %."""
@@ -148,7 +146,7 @@ def _search(
         )
     # A model may keep a state between calls that changes its results only after many of them.
     check_same(problem, start, begun)
-    traces = tuple(f"{one.sentence()}\n{one.trace}" for one in failures[:_MOST_TRACES])
+    traces = tuple(f"{one.sentence()}\n{one.trace}" for one in failures[:20])
     return replace(findings, warnings=tuple(notes), failures=traces, failed=len(failures), calls=evaluator.calls)
 
 

@@ -28,15 +28,10 @@ from torsight.discovery.own.model.values import Values
 from torsight.discovery.own.own_records import Record
 from torsight.discovery.weight import Weight
 
-_STRETCHES: Final = 64
-"""Number of stretches of a record over which differential equations are fitted first ..."""
 _BEGINNINGS: Final = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
-"""... then shares of it from its beginning (benchmarks/discovery/valleys.py: of 16 pairs of records of a tumbling
-pendulum 13 are fitted in this way, none without; 15 where measured states begin anew) ..."""
-_UNSURE: Final = 3.0
-"""... with the stretches' estimates as a prior, this many times as wide: stretches start from noisy readings."""
-_LEAST_ROWS: Final = 4
-"""Smallest length of a stretch in steps from row to row: its states have to show in them."""
+"""Shares of a record, from its beginning, over which differential equations are fitted after its stretches
+(benchmarks/discovery/valleys.py: of 16 pairs of records of a tumbling pendulum 13 are fitted in this way, none without;
+15 where measured states begin anew)."""
 _GROWN: Final = math.sqrt(2.0)
 """Largest growth of a reading error, root mean square over stretches that start with the error: it then adds to the
 residual's variance no more than twice that of the readings themselves."""
@@ -83,7 +78,8 @@ def led_on(problem: ModelProblem, fitter: Fitter, stretched: Stretched) -> Fit:
         return np.sqrt(np.diag(np.linalg.inv(known)))
 
     unsure = left_open(found, fitter.weight)
-    over = replace(space, prior_mean=found.x, prior_sigma=_UNSURE * unsure)
+    # Three times as wide as the stretches' estimates: stretches start from noisy readings.
+    over = replace(space, prior_mean=found.x, prior_sigma=3.0 * unsure)
     for share in _BEGINNINGS:
         # Steps of the differences are at most the uncertainty of the fit before: over a longer time slopes are steeper.
         weight = fitter.weight.only(since <= share * span_s(problem))
@@ -162,9 +158,9 @@ def span_s(problem: ModelProblem) -> float:
 
 
 def shortest_s(problem: ModelProblem) -> float:
-    """Return the duration of the shortest stretches, s."""
+    """Return the duration of the shortest stretches, s: of 64 in a record, or of four rows, which show the states."""
     row = max(float(np.median(np.diff(one))) for one in problem.times())
-    return max(span_s(problem) / _STRETCHES, _LEAST_ROWS * row)
+    return max(span_s(problem) / 64, 4 * row)
 
 
 def _solved(over: ModelProblem, x: Floats, weight: Weight, within: Space) -> Solution:

@@ -109,13 +109,9 @@ def _read(table: Table, number: int) -> Record:
         if twice:
             raise InputError("has a column twice", where=label, value=", ".join(twice), do="remove one of the two")
         return _checked({str(name): table[name].to_numpy() for name in table.columns}, label, label)
-    raise InputError(
-        "is no table",
-        where=label,
-        value=type(table).__name__,
-        limit="a DataFrame, a mapping of arrays, or a path",
-        do="give every column a name: {'time_s': …, 'y': …}",
-    )
+    do = "give every column a name: {'time_s': …, 'y': …}"
+    limit = "a DataFrame, a mapping of arrays, or a path"
+    raise InputError("is no table", where=label, value=type(table).__name__, limit=limit, do=do)
 
 
 def _checked(columns: Mapping[str, NDArray[Any]], label: str, where: str) -> Record:

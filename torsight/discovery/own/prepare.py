@@ -33,8 +33,6 @@ from torsight.discovery.own.reading_error import without_readings
 
 _POINTS: Final = 12
 """Number of points within the bounds at which the plain model, or a candidate, is evaluated ..."""
-_MOST_POINTS: Final = 48
-"""... or up to this number along one parameter, where the prediction changes much between two points ..."""
 _STARTS: Final = 2
 """... and number of the best ones from which a fit starts beside the declared start."""
 _BETTER: Final = 0.95
@@ -46,10 +44,6 @@ _ONE_BLOCK: Final = 0.99
 _ALIKE: Final = 1e-3
 """Smallest singular value of the normalised differences of parameters up to which they cannot be distinguished: a
 solver's tolerance of 1e-6 changes central differences over ``STEP_SHARE`` of a scale by 5e-5 of themselves."""
-_PART: Final = 0.1
-"""Share of the largest coefficient in such a combination from which a parameter is named."""
-_LEAST_SCALE: Final = 0.2
-"""Smallest scale of a fitted value that becomes a start, as a share of the declared scale: a start near 0 has none."""
 
 
 def prepare(problem: ModelProblem) -> tuple[ModelProblem, tuple[str, ...]]:
@@ -145,7 +139,7 @@ def _along(
 
     A minimum may lie between two neighbours where more than half of one prediction (root mean square) cannot be
     expressed by the other one's size and by the base parameters. For a delay, every rise and fall of the input makes
-    such a minimum.
+    such a minimum. At most 48 points are returned.
     """
     ((name, _),) = points[0].items()
     found: list[Floats] = []
@@ -157,7 +151,7 @@ def _along(
             for i, k in itertools.pairwise(order)
             if _relaxed_cost(fitter, base, found[k], found[i][:, None]) > 0.25 * _relaxed_cost(fitter, base, found[k])
         ]
-        widest = sorted((one for one in apart if one[0] > 0.0), reverse=True)[: _MOST_POINTS - len(points)]
+        widest = sorted((one for one in apart if one[0] > 0.0), reverse=True)[: 48 - len(points)]
         if not widest:
             return points, found
         points = [*points, *({name: 0.5 * (points[i][name] + points[k][name])} for _, i, k in widest)]
@@ -242,7 +236,7 @@ def _apart(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]:
     if left[-1] > _ALIKE:
         return []
     part = np.abs(directions[-1])
-    alike = [names[j] for j, share in zip(free, part, strict=True) if share > _PART * part.max()]
+    alike = [names[j] for j, share in zip(free, part, strict=True) if share > 0.1 * part.max()]
     note = (
         f"the record determines only combinations of {', '.join(alike)}: they can change together without changing the "
         "prediction, which hides what is missing; give one of them fixed=True, or a sigma if it was measured"
@@ -277,11 +271,14 @@ def _each_its_own(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]
 
 
 def _started(problem: ModelProblem, base: Fit) -> tuple[Parameter, ...]:
-    """Return the base parameters with the fitted values as starts, where nothing was measured beforehand."""
+    """Return the base parameters with the fitted values as starts, where nothing was measured beforehand.
+
+    A value near 0 has no scale and does not become a start.
+    """
     made = []
     for p in problem.parameters:
         moved = p.at(base.values[p.name])
-        usable = p.sigma is None and _scale(moved) >= _LEAST_SCALE * _scale(p)
+        usable = p.sigma is None and _scale(moved) >= 0.2 * _scale(p)
         made.append(moved if usable else p)
     return tuple(made)
 

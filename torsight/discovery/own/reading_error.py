@@ -39,8 +39,6 @@ _PARTS: Final = 8
 """Cubic pieces of the spline that is a function of the output: a law's free forms bend less often."""
 _SURE: Final = NormalDist().inv_cdf(1.0 - 1e-3)
 """Threshold for a slope in its standard deviations: that of unrelated signals exceeds it once in a thousand times."""
-_REACH: Final = 4
-"""Standard deviations at which a Gaussian filter is truncated, as in SciPy."""
 _WINDOW: Final = 8
 """Number of previous rows in which a filter is sought, among the readings and in the driver's own past, which shows
 what the filter retains for longer. With 6 rows and more no further filters are detected and no cause is mistaken for
@@ -51,8 +49,6 @@ thousand times."""
 _FORM_SHARE: Final = Settings().form_share
 """Share that readings must explain of what prediction and residual, as separate columns, explain beyond the prediction:
 a filter that is longer than the window leaves a part unexplained."""
-_FAR_OFF: Final = 10.0
-"""Multiple of a column's range by which a value is moved to see what depends on it: beyond all other rows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,14 +66,15 @@ class _Smoothing:
     @property
     def reach(self) -> int:
         """Number of rows at each end of a record whose smoothing depends on rows outside of the record."""
-        return math.ceil(self.width if self.kind == "mean" else _REACH * self.width)
+        # SciPy truncates a Gaussian filter at four standard deviations.
+        return math.ceil(self.width if self.kind == "mean" else 4 * self.width)
 
     def __call__(self, values: Floats) -> Floats:
         if not self.width:
             return values
         if self.kind == "mean":
             return np.asarray(uniform_filter1d(values, 2 * round(self.width) + 1, mode="nearest"))
-        return np.asarray(gaussian_filter1d(values, self.width, mode="nearest", truncate=_REACH))
+        return np.asarray(gaussian_filter1d(values, self.width, mode="nearest"))
 
     def inner(self, rows: int) -> Flags:
         """Return which rows (rows,) are computed from rows of the record alone."""
@@ -272,7 +269,8 @@ def laws_called_with(problem: ModelProblem, values: Mapping[str, float], column:
     for k, own in enumerate(problem.given(values, ()) if problem.ports else ()):
         record = problem.model.records[k]
         asked = call(problem.model, k, own, {}).asked
-        for side in (-_FAR_OFF, _FAR_OFF):
+        # Beyond all other rows.
+        for side in (-10.0, 10.0):
             moved = record[column].copy()
             moved[-1] = np.nanmean(moved) + side * np.ptp(moved[np.isfinite(moved)])
             model = replace(problem.model, records=(Record({**record, column: moved}, record.label_),))

@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_SHOWN: Final = 5
-"""Number of fits with a single effect or law that are listed beside the answer."""
 _BETTER: Final = 0.95
 """Share of the chosen set's error on held-out blocks below which a larger set predicts better."""
 
@@ -117,7 +115,7 @@ class Findings(Shown):
         """Effects of the answer whose form was not compared with a free law in the same place."""
         found = []
         for member, (name, _) in self.decision.named.items():
-            others = less(self._chosen.members, member)
+            others = less(self.decision.chosen.members, member)
             laws = self.field.base.fitter.candidates[name].laws
             if not any(tuple(sorted((*others, law))) in self.field.explanations for law in laws):
                 found.append(name)
@@ -159,13 +157,9 @@ class Findings(Shown):
         return self.found.drivers
 
     @property
-    def _chosen(self) -> Explanation:
-        return self.found.decision.chosen
-
-    @property
     def values(self) -> dict[str, float]:
         """Fitted parameters of the extended model."""
-        return self._chosen.fit.values
+        return self.decision.chosen.fit.values
 
     @cached_property
     def parameters(self) -> dict[str, Estimate]:
@@ -173,9 +167,9 @@ class Findings(Shown):
 
         Those of an effect that gave a law its name are from the fit with the effect in the law's place.
         """
-        found = self._estimates(self._chosen)
+        found = self._estimates(self.decision.chosen)
         for name, where in self.decision.named.values():
-            if where is not self._chosen:
+            if where is not self.decision.chosen:
                 own = {p.name for p in where.fitter.candidates[name].parameters}
                 found |= {key: one for key, one in self._estimates(where).items() if key in own}
         return found
@@ -189,13 +183,13 @@ class Findings(Shown):
     def laws(self) -> tuple[MeasuredCurve, ...]:
         """Laws that were measured: those of the answer, then declared ones that were tried alone."""
         ports = self.ports
-        held = {item.law.id for item in self._chosen.laws}
+        held = {item.law.id for item in self.decision.chosen.laws}
         alone = [self.field.explanations[(p.name,)] for p in ports if (p.name,) in self.field.explanations]
         alone = [one for one in alone if one.members[0] not in held]
         gains = {name: self.gain_of(name) for name in held}
         gains |= {one.members[0]: one.log_evidence - self.field.base.log_evidence for one in alone}
         names = {member: name for member, (name, _) in self.decision.named.items() if member in held}
-        return measured_curves(self._chosen, alone, gains, names, ports)
+        return measured_curves(self.decision.chosen, alone, gains, names, ports)
 
     @property
     def ports(self) -> tuple[LawPort, ...]:
@@ -208,8 +202,8 @@ class Findings(Shown):
 
     def gain_of(self, name: str) -> float:
         """Return the log evidence that is lost without one of the answer's effects or laws."""
-        without = self.field.explanations.get(less(self._chosen.members, name))
-        return math.nan if without is None else self._chosen.log_evidence - without.log_evidence
+        without = self.field.explanations.get(less(self.decision.chosen.members, name))
+        return math.nan if without is None else self.decision.chosen.log_evidence - without.log_evidence
 
     def ranked(self, size: int) -> list[Explanation]:
         """Return the fitted sets of ``size`` effects and laws, the one with the greatest evidence first."""
@@ -225,7 +219,7 @@ class Findings(Shown):
     @cached_property
     def errors(self) -> dict[str, tuple[Errors, Errors]]:
         """Errors of the plain and the extended model for every output, in its unit."""
-        fits = ((self.field.base, self.before), (self._chosen, self.after))
+        fits = ((self.field.base, self.before), (self.decision.chosen, self.after))
         found = {}
         for k, name in enumerate(self.outputs):
             plain, extended = (self._errors_of(one, held_out, k) for one, held_out in fits)
@@ -256,10 +250,10 @@ class Findings(Shown):
 
     @cached_property
     def best_fits(self) -> tuple[FittedSet, ...]:
-        """The plain model, the chosen set and the best sets of each size, by size and evidence."""
-        listed = [one for size in self._sizes for one in self.ranked(size)[: _SHOWN if size == 1 else 2]]
-        if all(one.members != self._chosen.members for one in listed):
-            listed.append(self._chosen)
+        """The plain model, the chosen set and the best sets of each size, five of single members, two of others."""
+        listed = [one for size in self._sizes for one in self.ranked(size)[: 5 if size == 1 else 2]]
+        if all(one.members != self.decision.chosen.members for one in listed):
+            listed.append(self.decision.chosen)
         return tuple(self._fitted(one) for one in listed)
 
     @property
@@ -277,13 +271,13 @@ class Findings(Shown):
     @cached_property
     def _bearing(self) -> tuple[EffectSet, ...]:
         """The answer, the best set that is larger by one, and for ``unknown`` the best of every size."""
-        sizes = [len(self._chosen.members) + 1] if self.verdict != "unknown" else self._sizes
-        return (self._chosen.members, *(one.members for k in sizes for one in self.ranked(k)[:1]))
+        sizes = [len(self.decision.chosen.members) + 1] if self.verdict != "unknown" else self._sizes
+        return (self.decision.chosen.members, *(one.members for k in sizes for one in self.ranked(k)[:1]))
 
     @cached_property
     def predicts_better(self) -> tuple[FittedSet, ...]:
         """Sets with more effects than the answer that predict held-out blocks clearly better, the best first."""
-        own = self._fitted(self._chosen)
+        own = self._fitted(self.decision.chosen)
         larger = [one for one in self.best_fits if len(one.effects) > len(own.effects)]
         found = [one for one in larger if one.rmse_held_out < _BETTER * own.rmse_held_out]
         return tuple(sorted(found, key=lambda one: one.rmse_held_out))
@@ -337,12 +331,9 @@ class Findings(Shown):
         """
         problem = self.problem
         if not isinstance(problem, ModelProblem):
-            raise InputError(
-                "cannot predict another record",
-                where=type(problem).__name__,
-                do="make the problem with model_problem(…), whose predict takes any record",
-            )
-        chosen, unseen = self._chosen, self.after
+            do = "make the problem with model_problem(…), whose predict takes any record"
+            raise InputError("cannot predict another record", where=type(problem).__name__, do=do)
+        chosen, unseen = self.decision.chosen, self.after
         if effects is not None:
             chosen = self._fitted_with(effects)
             unseen = None if self.before is None else chosen.held_out

@@ -33,8 +33,6 @@ from torsight.discovery.own.model.values import Curve
 from torsight.discovery.settings import Settings
 from torsight.discovery.weight import NOTHING
 
-_STEP: Final = 1e-3
-"""Share of the measured spread by which a law moves the prediction in the difference that gives the law's scale."""
 _FORM_SHARE: Final = Settings().form_share
 """Share of a candidate's sum of squares that a law must explain for the candidate to be a form of that law."""
 
@@ -213,7 +211,8 @@ def _scale(problem: ModelProblem, name: str, values: Mapping[str, float]) -> flo
     first = response(1e-6)
     if first <= 0.0:
         raise InputError(f"the law '{name}' changes nothing", where="predict", do="add what it returns to the model")
-    return LAW_SHARE * spread / (response(_STEP * spread / first) or first)
+    # The difference that gives the scale moves the prediction by a thousandth of the measured spread.
+    return LAW_SHARE * spread / (response(1e-3 * spread / first) or first)
 
 
 def usual_forms(problem: ModelProblem, base: Fit, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:

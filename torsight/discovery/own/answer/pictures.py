@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from torsight.discovery.own.answer.findings import Findings
 
 
-_MOST_PANELS: Final = 6
-_MOST_POINTS: Final = 4000
-"""Number of curves that a picture shows (the first ones), and of points in each: several for a pixel of its width."""
+def _thinning(rows: int) -> slice:
+    """Return the rows that a picture shows: 4000 to 8000 of many, several for a pixel of its width."""
+    return slice(None, None, max(1, rows // 4000))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,9 +39,9 @@ class Series:
     @property
     def thinned(self) -> Series:
         """The series with no more rows than a picture shows."""
-        step = max(1, len(self.time) // _MOST_POINTS)
-        rows = (one[::step] for one in (self.time, self.measured, self.before, self.after))
-        return Series(self.title, self.unit, *rows)
+        rows = _thinning(len(self.time))
+        columns = (self.time, self.measured, self.before, self.after)
+        return Series(self.title, self.unit, *(one[rows] for one in columns))
 
 
 def series_of(found: Findings) -> list[Series]:
@@ -95,8 +95,8 @@ def _figure(rows: int, columns: int, *, height: float) -> tuple[Figure, Any]:
 
 
 def overview(found: Findings) -> Figure:
-    """Return measured, models and residuals of every record and output, and what each candidate explains."""
-    shown = series_of(found)[:_MOST_PANELS]
+    """Return measured, models and residuals of the first six records or outputs, and what each candidate explains."""
+    shown = series_of(found)[:6]
     gains = bool(found.ranked(1))
     figure, axes = _figure(len(shown) + gains, 2, height=2.4 * (len(shown) + gains) + 0.6)
     for row, one in zip(axes, shown, strict=False):
@@ -149,9 +149,8 @@ def draw_by_driver(axis: Any, found: Findings) -> None:
         return
     values = problem.drivers[names[0]][problem.valid]
     for fit, key in ((found.field.base, "before"), (found.decision.chosen, "after")):
-        left = (problem.observed - fit.fit.solution.prediction)[problem.valid]
-        step = max(1, len(left) // _MOST_POINTS)
-        axis.plot(values[::step], left[::step], ".", ms=2, color=LIGHT[key])
+        left, rows = (problem.observed - fit.fit.solution.prediction)[problem.valid], _thinning(len(values))
+        axis.plot(values[rows], left[rows], ".", ms=2, color=LIGHT[key])
     axis.set(title=f"measured less model over {names[0]}", xlabel=names[0])
 
 

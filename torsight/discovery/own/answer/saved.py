@@ -34,9 +34,6 @@ from torsight.discovery.weight import Weight
 
 KIND: Final = "own model"
 """Value of ``kind`` that distinguishes the ``model.json`` of a model of one's own from the actuator's."""
-_FIRST_SHARE: Final = 0.1
-"""Share of a record, from its beginning, to which initial states are fitted: later rows contain less and less
-information about them, and are to be predicted."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -267,7 +264,8 @@ class SavedModel:
         )
         if any(name not in record for name in self.outputs):
             return values, (note,)
-        rows = min(record.rows_, max(LEAST_ROWS, round(_FIRST_SHARE * record.rows_)))
+        # Later rows contain less and less information about initial states, and are to be predicted.
+        rows = min(record.rows_, max(LEAST_ROWS, round(0.1 * record.rows_)))
         observed = np.column_stack([record[name] for name in self.outputs])
         each = np.where(np.isfinite(observed), 1.0 / np.array(self.noise) ** 2, 0.0)
         each[rows:] = 0.0
@@ -334,11 +332,8 @@ class SavedModel:
             ) from error
         known = {name for name in made.values if RESERVED not in name}
         if {p.name for p in made.declared.every_parameter} != known or outputs != declared.outputs:
-            raise InputError(
-                "belongs to another model: parameters or outputs differ",
-                where=where,
-                do="run 'torsight missing' again with this model file",
-            )
+            do = "run 'torsight missing' again with this model file"
+            raise InputError("belongs to another model: parameters or outputs differ", where=where, do=do)
         return made
 
 
@@ -374,9 +369,6 @@ def read_model(path: Path, record: Path) -> SavedModel:
     content = read_json(path)
     file = path.parent / str(content.get("model_file"))
     if file_hash(file) != content.get("sha256"):
-        raise InputError(
-            "has changed since the values were fitted",
-            where=str(file),
-            do=f"run 'torsight missing' again, or put back the file that belongs to {path}",
-        )
+        do = f"run 'torsight missing' again, or put back the file that belongs to {path}"
+        raise InputError("has changed since the values were fitted", where=str(file), do=do)
     return SavedModel.from_json(content, declared_of(file, record), where=str(path))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict
 from html import escape
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,9 +20,6 @@ from torsight.discovery.own.model.problem import ModelProblem
 
 if TYPE_CHECKING:
     from torsight.discovery.own.answer.findings import Errors, Findings, FittedSet
-
-_WIDTH: Final = 18
-"""Characters of the column with the titles, as in the other commands' summaries."""
 
 
 def verdict_words(found: Findings) -> str:
@@ -184,8 +181,8 @@ def what_next(found: Findings) -> list[str]:
 
 
 def summary(found: Findings) -> str:
-    """Return the findings for a terminal."""
-    return "\n".join(f"{title:{_WIDTH - 1}s} {text}".rstrip() for title, text in lines(found))
+    """Return the findings for a terminal; titles take 18 characters, as in the other commands' summaries."""
+    return "\n".join(f"{title:17s} {text}".rstrip() for title, text in lines(found))
 
 
 def html(found: Findings) -> str:
@@ -217,6 +214,8 @@ def to_json(found: Findings) -> dict[str, Any]:
         name: {"before": asdict(before), "after": asdict(after)} for name, (before, after) in found.errors.items()
     }
     shares = law_shares(found.field, found.decision.chosen)
+    floor = rms(found.field.likelihood.floor[problem.valid])
+    units = {name: found.rows_of(k)[1] for k, name in enumerate(found.outputs)}
     return {
         "verdict": found.verdict,
         "effects": [_effect(found, name) for name in found.effects],
@@ -227,8 +226,8 @@ def to_json(found: Findings) -> dict[str, Any]:
         "held_out": blocks.tolist(),
         "outputs": outputs,
         "laws": [{**law.to_json(), "share": shares[law.id]} for law in found.laws if law.chosen],
-        "noise_floor": _floor(found),
-        "resolution": _resolution(found),
+        "noise_floor": {name: floor * unit for name, unit in units.items()},
+        "resolution": {name: float(problem.resolution) * unit for name, unit in units.items()},
         "blocks": len(blocks),
         "parameters": estimates_to_json(found.parameters),
         "plain_parameters": estimates_to_json(found.plain_parameters),
@@ -260,12 +259,3 @@ def _effect(found: Findings, name: str) -> dict[str, Any]:
         "gain": found.gain_of(member),
         "form_compared": name not in found.forms_taken,
     }
-
-
-def _floor(found: Findings) -> dict[str, float]:
-    floor = rms(found.field.likelihood.floor[found.problem.valid])
-    return {name: floor * found.rows_of(k)[1] for k, name in enumerate(found.outputs)}
-
-
-def _resolution(found: Findings) -> dict[str, float]:
-    return {name: float(found.problem.resolution) * found.rows_of(k)[1] for k, name in enumerate(found.outputs)}

@@ -28,10 +28,6 @@ from torsight.discovery.own.compiled.functions import compiled, curve_at, fill, 
 from torsight.discovery.own.compiled.integration import ATOL_SHARE, MOMENT, TOO_MANY, TooManyStepsError
 from torsight.discovery.own.model.values import Curve, kind_of
 
-_LEAST_SHARE: Final = 0.02
-"""Shortest step as a share of the time from row to row: across a jump of the right-hand side, such as that of friction
-where the speed passes zero, a shorter step would do no better. A state that rests there oscillates by this share of its
-motion from row to row."""
 _HALVINGS: Final = int(np.finfo(np.float64).nmant)
 """Number of bisections after which the time of an event in a step is known to the digits of a float."""
 
@@ -354,7 +350,9 @@ def _integrate(
             rhs(t, x, u, given, slopes[0])
         driven = (t, end, inputs[i], comes_to[i], u)
         along = (driven, given)
-        least = _LEAST_SHARE * (end - t)
+        # Across a jump of the right-hand side, as that of friction where the speed passes zero, a shorter step would do
+        # no better. A state that rests there oscillates by this share of its motion from row to row.
+        least = 0.02 * (end - t)
         while end - t > 1e-12 * max(1.0, abs(end)):
             step = min(h, end - t, longest)
             _step(rhs, t, step, x, along, slopes, new)

@@ -18,8 +18,6 @@ from torsight.discovery.own.reading_error import laws_called_with
 
 _ROWS: Final = ("time_s", "observed", "sigma", "valid", "block", "rest")
 _NEEDED, _OPTIONAL = (tuple(name for name in vars(one) if name[0] != "_") for one in (NeededMembers, OptionalMembers))
-_ELSEWHERE: Final = 0.3
-"""Share of its range by which a parameter is moved to see whether the prediction depends on it."""
 
 
 def check_problem(problem: Problem) -> tuple[str, ...]:
@@ -29,11 +27,8 @@ def check_problem(problem: Problem) -> tuple[str, ...]:
     if len(needed) == len(_NEEDED) or isinstance(problem, type):
         raise InputError("is no problem", where="find_missing", value=repr(problem), do="make it with model_problem(…)")
     if missing:
-        raise InputError(
-            f"lacks {', '.join(missing)}",
-            where=type(problem).__name__,
-            do="add what is missing, derive the class from OptionalMembers, or make the problem with model_problem(…)",
-        )
+        do = "add what is missing, derive the class from OptionalMembers, or make the problem with model_problem(…)"
+        raise InputError(f"lacks {', '.join(missing)}", where=type(problem).__name__, do=do)
     where = type(problem).__name__
     _check_rows(problem, where)
     if isinstance(problem, ModelProblem):
@@ -174,7 +169,8 @@ def _check_candidate(
 
 
 def _moved(value: float, lower: float, upper: float) -> float:
-    step = _ELSEWHERE * (upper - lower if np.isfinite(upper - lower) else abs(value) or 1.0)
+    """Return a value moved by 0.3 of its range, to see whether the prediction depends on it."""
+    step = 0.3 * (upper - lower if np.isfinite(upper - lower) else abs(value) or 1.0)
     return value + step if value + step <= upper else value - step
 
 

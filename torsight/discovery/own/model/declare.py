@@ -182,12 +182,9 @@ def check_declarations(
     for name in known:
         law_of_a_parameter = name in own_names and any(name == one.name for one in laws)
         if not name or known.count(name) > 1 or law_of_a_parameter or RESERVED in name:
-            raise InputError(
-                f"'{name}' cannot be the name of a candidate or law",
-                where=_MODEL,
-                limit=f"a name of its own, without '{RESERVED}'",
-                do="give it another name",
-            )
+            limit = f"a name of its own, without '{RESERVED}'"
+            do = "give it another name"
+            raise InputError(f"'{name}' cannot be the name of a candidate or law", where=_MODEL, limit=limit, do=do)
     owners: dict[str, str] = {}
     sources: list[tuple[str, Sequence[Parameter]]] = [(_MODEL, parameters)]
     sources += [(f"candidate '{one.id}'", one.parameters) for one in candidates]
@@ -209,21 +206,13 @@ def _check_parameter(one: Parameter, *, where: str) -> None:
     if not one.name or RESERVED in one.name:
         raise InputError("is no name for a parameter", where=where, value=repr(one.name), limit=f"no '{RESERVED}'")
     if not one.lower < one.upper and not one.fixed:
-        raise InputError(
-            "bounds leave no room",
-            where=where,
-            value=f"{one.lower:g} to {one.upper:g}",
-            do="give fixed=True for a value that is known exactly, or wider bounds",
-        )
+        do = "give fixed=True for a value that is known exactly, or wider bounds"
+        raise InputError("bounds leave no room", where=where, value=f"{one.lower:g} to {one.upper:g}", do=do)
     for what, value in (("start", one.value), ("null value", one.null)):
         if value is not None and not (one.lower <= value <= one.upper and math.isfinite(value)):
-            raise InputError(
-                f"its {what} lies outside its bounds",
-                where=where,
-                value=f"{value:g}",
-                limit=f"{one.lower:g} to {one.upper:g}",
-                do=f"change the {what} or the bounds",
-            )
+            do = f"change the {what} or the bounds"
+            limit = f"{one.lower:g} to {one.upper:g}"
+            raise InputError(f"its {what} lies outside its bounds", where=where, value=f"{value:g}", limit=limit, do=do)
 
 
 def _check_candidate(one: Candidate) -> None:
@@ -231,11 +220,8 @@ def _check_candidate(one: Candidate) -> None:
     if not one.parameters:
         raise InputError("has no parameter", where=here, do="give the parameter that is its size")
     if all(p.null is None for p in one.parameters):
-        raise InputError(
-            "no parameter has a null value: the effect cannot be switched off",
-            where=here,
-            do="give null=… (often 0) to the parameter with which the effect vanishes",
-        )
+        do = "give null=… (often 0) to the parameter with which the effect vanishes"
+        raise InputError("no parameter has a null value: the effect cannot be switched off", where=here, do=do)
     if all(p.null is None or p.null == p.value for p in one.parameters) and not one.starts:
         raise InputError(
             "starts at its null value, where nothing shows what it does",

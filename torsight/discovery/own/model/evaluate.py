@@ -33,8 +33,6 @@ Predict = Callable[[Any, Any], Any]
 Curves = Mapping[str, Curve]
 """Laws that are on, by their names."""
 
-_KEPT_BYTES: Final = 256_000_000
-"""Size of the cache of predictions; beyond that the least recently used ones are dropped."""
 WORTH_S: Final = 4e-3
 """Duration of one call in seconds from which a model is compiled or called in processes: compiling takes 2 to 5 s, two
 processes take 1.3 s each to start, and a search makes 1,500 to 8,500 calls (benchmarks/discovery/own_model.py)."""
@@ -299,9 +297,11 @@ class Evaluator:
                 return known
             future: Future[Called] = Future()
             self._kept[key] = future
-            while len(self._kept) * self._size > _KEPT_BYTES:
+            # Beyond so many bytes of predictions the least recently used ones are dropped.
+            while len(self._kept) * self._size > 256_000_000:
                 self._kept.popitem(last=False)
-        if self._pool is None or not self._is_ready():
+        ready = self._ready
+        if self._pool is None or ready is None or not ready.done() or ready.exception() is not None:
             self._finish(future, call(self.model, record, values, curves))
         else:
             sent = self._pool.submit(_call_sent, record, values, curves)
@@ -359,9 +359,6 @@ class Evaluator:
         if pool is not None:
             # No call is pending; a process that is still starting is not awaited.
             pool.shutdown(wait=True, kill_workers=True)
-
-    def _is_ready(self) -> bool:
-        return self._ready is not None and self._ready.done() and self._ready.exception() is None
 
     def _pickled(self, *, wanted: bool | None) -> bytes | None:
         """Return the pickled model for worker processes; None where the model stays in this process."""

@@ -42,13 +42,9 @@ def name(given: Any, where: str) -> str:
     """Return a name that can be used as in ``p.name``."""
     found = text(given, where)
     if not found.isidentifier() or keyword.iskeyword(found) or found.startswith("_") or found in _TAKEN:
-        raise InputError(
-            "is no name that a model can use",
-            where=where,
-            value=repr(found),
-            limit=f"letters, digits and _, as in p.name; no word of Python, none of {', '.join(sorted(_TAKEN))}",
-            do="give it another name",
-        )
+        limit = f"letters, digits and _, as in p.name; no word of Python, none of {', '.join(sorted(_TAKEN))}"
+        do = "give it another name"
+        raise InputError("is no name that a model can use", where=where, value=repr(found), limit=limit, do=do)
     return found
 
 

@@ -23,11 +23,6 @@ from torsight.discovery.own.own_records import LEAST_ROWS, Record, column_of
 _BLOCKS: Final = (int, np.integer, str, list, tuple, np.ndarray, type(None))
 PerOutput = float | str | Mapping[str, float | str] | None
 
-BLOCKS: Final = 6
-"""Default number of blocks of one continuous record: with fewer, a held-out block is too large a part of the record;
-with more, blocks are shorter than a model's memory."""
-_OF_NOISE: Final = 0.1
-"""Default resolution as a share of the noise: with the usual number of samples an effect of this size just shows."""
 _STILL_ROWS: Final = 2 * LEAST_ROWS
 """Rows over which a reading must be constant to count as at rest: each half has the fewest rows that show its noise."""
 
@@ -222,8 +217,9 @@ def resolutions(
     """Return the resolution (outputs,): the one given, else a tenth of the noise."""
     known = per_output(wanted, records, outputs, what="resolution")[0][0]
     span = np.nanstd(np.concatenate(measured), axis=0)
-    # A record without any noise is known to the digits that it was written with.
-    least = np.maximum.reduce([_OF_NOISE * noise.usual, 1e-5 * span, np.full(len(outputs), 1e-12)])
+    # With the usual number of samples an effect of a tenth of the noise just shows; a record without any noise is known
+    # to the digits that it was written with.
+    least = np.maximum.reduce([0.1 * noise.usual, 1e-5 * span, np.full(len(outputs), 1e-12)])
     return np.asarray(np.where(np.isfinite(known), known, least))
 
 
@@ -232,7 +228,8 @@ def blocks_of(
 ) -> list[Ints]:
     """Return the block of every row, labels from 0 on that no two records share."""
     if wanted is None:
-        wanted = 1 if len(records) > 1 else BLOCKS
+        # Of fewer than six, a held-out one is too large a part of the record; more are shorter than a model's memory.
+        wanted = 1 if len(records) > 1 else 6
     if isinstance(wanted, np.ndarray) and wanted.ndim == 1:
         wanted = [wanted]
     if not isinstance(wanted, (str, int, np.integer)) and len(wanted) != len(records):

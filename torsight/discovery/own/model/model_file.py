@@ -130,12 +130,8 @@ def problem_of(path: Path, records: Sequence[Record | Path | str]) -> ModelProbl
             except (Exception, SystemExit) as error:
                 raise _failed(path, error) from error
         if not isinstance(made, ModelProblem):
-            raise InputError(
-                "gives no problem",
-                where=f"{path}, problem(records)",
-                value=type(made).__name__,
-                do="return model_problem(…) from it",
-            )
+            do = "return model_problem(…) from it"
+            raise InputError("gives no problem", where=f"{path}, problem(records)", value=type(made).__name__, do=do)
         return made
     _require(module, path)
     _require_spelling(module, path)
@@ -198,8 +194,5 @@ def _require_spelling(module: ModuleType, path: Path) -> None:
 def _require(module: ModuleType, path: Path) -> None:
     missing = [name for name in NEEDED if not hasattr(module, name)]
     if missing:
-        raise InputError(
-            f"does not define {', '.join(missing)}",
-            where=str(path),
-            limit=f"{', '.join(NEEDED)}, and if wanted {', '.join(OPTIONS)}; or problem(records)",
-        )
+        limit = f"{', '.join(NEEDED)}, and if wanted {', '.join(OPTIONS)}; or problem(records)"
+        raise InputError(f"does not define {', '.join(missing)}", where=str(path), limit=limit)

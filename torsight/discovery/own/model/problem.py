@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 
@@ -37,10 +36,6 @@ from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.signals import drivers_of, rest_of
 from torsight.discovery.own.model.values import Curve
 from torsight.discovery.own.own_records import Table, read_records, time_column, time_of
-
-_FAR: Final = 1e3
-"""Where the model gives no numbers the prediction is off by this many times the measurement's own spread: no fit goes
-there."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -140,9 +135,9 @@ class ModelProblem(GivenProblem):
 
     @cached_property
     def far(self) -> Floats:
-        """Prediction (n,) in place of a call that gives no numbers: so far off that no fit goes there."""
+        """Prediction (n,) in place of a call that gives no numbers: a thousand spreads off, where no fit goes."""
         spread = float(np.nanstd(self.observed)) or 1.0
-        return np.where(np.isfinite(self.observed), self.observed + _FAR * spread, 0.0)
+        return np.where(np.isfinite(self.observed), self.observed + 1e3 * spread, 0.0)
 
     def given(self, values: Mapping[str, float], effects: Sequence[str]) -> list[dict[str, float]]:
         """Return the parameters that ``predict`` gets for every record, with null values for effects that are off."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 
@@ -12,9 +11,6 @@ from torsight.core.units import Flags, Floats
 from torsight.discovery.own.model import layout as lay
 from torsight.discovery.own.model.ode import EQUAL
 from torsight.discovery.own.own_records import Record, column_of, time_column
-
-_MUCH_STILL: Final = 0.5
-"""Share of a record at rest that is worth a warning where no rest is marked."""
 
 
 def rest_of(
@@ -27,13 +23,11 @@ def rest_of(
     share = float(np.mean(np.concatenate(found)))
     if given == "still":
         return found, []
-    notes = []
-    if share > _MUCH_STILL:
-        notes.append(
-            f"{100 * share:.0f} % of the record stands still, and every sample of it counts: rest='still' makes each "
-            "such stretch count as one piece of information"
-        )
-    return [np.zeros(record.rows_, bool) for record in records], notes
+    note = (
+        f"{100 * share:.0f} % of the record stands still, and every sample of it counts: rest='still' makes each "
+        "such stretch count as one piece of information"
+    )
+    return [np.zeros(record.rows_, bool) for record in records], [note] if share > 0.5 else []
 
 
 def drivers_of(
