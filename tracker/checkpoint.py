@@ -27,8 +27,6 @@ VERSION: Final = 15
 """Incremented when the state of the follower changes its meaning: older checkpoints are then not resumed."""
 EVERY_S: Final = 2.0
 """Least time between two checkpoints: a kill costs as much, and to write one takes milliseconds."""
-_BLOCK: Final = 512
-"""Most rows that are buffered in memory."""
 _SAMPLE: Final = 1 << 20
 """Bytes at either end of a file that its fingerprint covers."""
 
@@ -101,9 +99,7 @@ class RowStore:
         self._folder = folder
         self._key = key
         self._last_s = time.monotonic()
-        self._block = np.zeros(_BLOCK, ROW)
-        self._filled = 0
-        self._kept = [np.zeros(0, ROW)]
+        self._rows = bytearray()
         self.saved = 0
 
     def resume(self) -> dict[str, Any] | None:
@@ -118,7 +114,7 @@ class RowStore:
             return None
         if content.get("key") != self._key or len(rows) != content["rows"]:
             return None
-        self.saved, self._kept = len(rows), [rows]
+        self.saved, self._rows = len(rows), bytearray(rows.tobytes())
         os.truncate(self._rows_path, self.saved * ROW.itemsize)
         return state
 
@@ -135,10 +131,7 @@ class RowStore:
 
     def add(self, row: NDArray[np.void]) -> None:
         """Add the row of the next frame."""
-        self._block[self._filled] = row
-        self._filled += 1
-        if self._filled == _BLOCK:
-            self._empty()
+        self._rows += row.tobytes()
 
     @property
     def due(self) -> bool:
@@ -149,30 +142,20 @@ class RowStore:
         """Write all rows so far, and the state, to the disk."""
         if self._folder is None:
             return
-        self._empty(sync=True)
+        try:
+            with self._rows_path.open("ab") as file:
+                file.write(self._rows[self.saved * ROW.itemsize :])
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise _not_kept(self._folder, error) from error
+        self.saved = len(self._rows) // ROW.itemsize
         write_json(self._state_path, {"key": self._key, "rows": self.saved, "state": state})
         self._last_s = time.monotonic()
 
     def rows(self) -> NDArray[np.void]:
         """Return all rows in the order of the frames."""
-        self._empty()
-        return np.concatenate(self._kept)
-
-    def _empty(self, *, sync: bool = False) -> None:
-        part = self._block[: self._filled].copy()
-        self._filled = 0
-        self.saved += len(part)
-        self._kept.append(part)
-        if self._folder is None:
-            return
-        try:
-            with self._rows_path.open("ab") as file:
-                file.write(part.tobytes())
-                if sync:
-                    file.flush()
-                    os.fsync(file.fileno())
-        except OSError as error:
-            raise _not_kept(self._folder, error) from error
+        return np.frombuffer(bytearray(self._rows), ROW)
 
     @property
     def _state_path(self) -> Path:
