@@ -35,17 +35,19 @@ BLURRED: Final = 0.6
 """Steepness of the edges, over that in frames with an angle, below which a picture is out of focus."""
 FAST: Final = 2.0
 """Turn from one frame to the next, over the largest one that was followed, above which the stick is too fast."""
-LEAST_FAST_DEG: Final = 3.0
-JUMP: Final = 4.0
-"""Change at once over that before and afterwards where the picture jumps: a stick that turns twice as fast changes
-twice as many pixels."""
+LEAST_FAST_DEG: Final = SIGMAS
+"""Smallest turn from one frame to the next that is told from none: turns are measured to one degree."""
+JUMP: Final = 2.0 * FAST
+"""Change at once over that before and afterwards where the picture jumps: a stick that is too fast changes ``FAST``
+times as many pixels."""
 _OVER: Final = 0.6
 """Share of the pixels that differ from before a gap, and also from after it, above which something lies over the
 sticks: nearly all of a hand's do; of a stick that is elsewhere at once half at most, those of its new place."""
 SMEARED: Final = 0.4
 """Motion blur, in radii of a dot, above which dots are no longer recognised in every frame."""
 ALIKE: Final = 0.5
-"""Smallest correlation of two profiles, or of two parts of pictures, that show the same object."""
+"""Smallest correlation of two profiles or two parts of pictures that show the same object, or of the brightness with
+itself a period later: half of the variance is common."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from torsight.core.series import runs
 from torsight.core.units import Flags, Floats
+from tracker.angle.length_noise import LEAST_FRAMES
 from tracker.detect.moving_part import LOOKED_AT
-from tracker.quality.gap_pictures import Luma, Pictures, spread_over
+from tracker.quality.gap_pictures import ALIKE, Luma, Pictures, spread_over
 from tracker.rows import CODE
 from tracker.track import TrackResult
 
@@ -21,13 +22,6 @@ _SATURATED: Final = 230
 GLARES: Final = 0.125
 """Share of saturated pixels within two radii of a marker, in excess of the usual share there, above which there is
 glare on the marker: half of the dot's own area."""
-_AGAIN: Final = 0.5
-"""Autocorrelation of the brightness above which it is periodic: half of its variance."""
-_SHARED: Final = 0.5
-"""Relative change of the light around the base over that of the whole picture above which both are the lamp's: it is 1
-for a lamp, and 0 for something that moves."""
-_FEW: Final = 30
-"""Fewest frames with the base from which that is known."""
 _TIMES: Final = 3
 """Fewest periods in a film: two may be a lamp that was switched off twice."""
 FELT: Final = 1.5
@@ -119,26 +113,21 @@ def flicker_of(rows: NDArray[np.void]) -> Flicker | None:
     level = np.interp(np.arange(len(rows)), read, rows["level"][read])
     for stick in (np.s_[:2], np.s_[2:]):
         lit = (rows["state"][:, stick] == CODE["seen"]).all(axis=1) & (rows["light"][:, stick] > 0.0).all(axis=1)
-        if lit.sum() >= _FEW:
+        if lit.sum() >= LEAST_FRAMES:
             shares = [np.log(values / values.mean()) for values in (level[lit], rows["light"][lit, stick].mean(axis=1))]
-            if shares[0] @ shares[1] < _SHARED * (shares[0] @ shares[0]):
+            # The slope of the light there over the picture's is 1 for a lamp, and 0 for something that moves.
+            if 2.0 * (shares[0] @ shares[1]) < shares[0] @ shares[0]:
                 return None
             break
     again = _comes_again(level - level.mean())
     low, high = np.quantile(level, [0.05, 0.95])
     bright = level > 0.5 * (low + high)
     seen = rows["state"] == CODE["seen"]
-    error = [
-        _error_px(rows["covariance_px2"][which])
-        for which in (seen & part[:, None] for part in (~bright, bright))
-        if which.any()
-    ]
-    return None if again is None or len(error) < 2 else Flicker(again, float(1.0 - low / high), error[0] / error[1])
-
-
-def _error_px(covariance_px2: Floats) -> float:
-    """Return the rms error of markers from the elements xx, xy, yy (n, 3) of their covariances."""
-    return float(np.sqrt(np.mean(covariance_px2[:, 0] + covariance_px2[:, 2])))
+    variance_px2 = [rows["covariance_px2"][seen & part[:, None]][:, [0, 2]].sum(axis=1) for part in (~bright, bright)]
+    if again is None or not all(map(len, variance_px2)):
+        return None
+    dim_px, bright_px = (float(np.sqrt(np.mean(values))) for values in variance_px2)
+    return Flicker(again, float(1.0 - low / high), dim_px / bright_px)
 
 
 def _comes_again(level: Floats) -> int | None:
@@ -153,5 +142,5 @@ def _comes_again(level: Floats) -> int | None:
     if not len(apart):
         return None
     lags = np.arange(apart[0], len(alike) - 1)
-    peak = (alike[lags] > _AGAIN) & (alike[lags] >= alike[lags - 1]) & (alike[lags] >= alike[lags + 1])
+    peak = (alike[lags] > ALIKE) & (alike[lags] >= alike[lags - 1]) & (alike[lags] >= alike[lags + 1])
     return int(lags[peak][0]) if peak.any() else None

@@ -22,8 +22,6 @@ from tracker.innovation import LIMITS, SIGMAS, SURE
 from tracker.rows import CODE
 from tracker.track import TrackResult
 
-_GONE: Final = 0.5
-"""Share of frames without the base above which its position is doubted."""
 _WANDERS: Final = 0.25
 """Share of frames with markers off their circles above which a fixed axis is doubted: a marker that is misread now and
 then causes fewer."""
@@ -183,7 +181,7 @@ def _missing_base(result: TrackResult) -> list[str]:
     gone = usable & (state[:, :2] != CODE["seen"]).all(axis=1)
     gone &= np.isin(state[:, :2], (CODE["lost"], CODE["hidden"])).any(axis=1)
     # A stick that turns is seen where it was given at first.
-    if not (usable & ~gone).any() or gone.sum() < _GONE * usable.sum():
+    if not (usable & ~gone).any() or 2 * gone.sum() < usable.sum():
         return []
     words = (
         f"The base is not where it was given in {gone.sum()} of {counted(int(usable.sum()), 'frame')}, so the angles "
