@@ -31,8 +31,6 @@ _MOVED: Final = 1.5
 """Smallest motion (rms over the film) that is removed, over the noise of one frame."""
 _FELT_PX: Final = 5.0 * USUAL_PX
 """Smallest motion (rms over the film) that is removed: compression moves a marker at rest by a fifth of this."""
-_START: Final = 0.1
-"""Share of the film, at its start, that defines the base's place: a camera is calibrated before it is moved."""
 _BUMP_PX: Final = 1.5 * SHAKE_PX
 """Smallest step of the base's place that counts as a bump of the camera: 1.5 times the standard deviation of the
 shaking that the tracker is required to bear."""
@@ -162,7 +160,8 @@ def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> tu
     if not known.any():
         return nothing
     noise = _noise(base, covariance) * max(_lengths(base, covariance, 0).scale, 1.0) ** 2
-    start = np.median(place[known][: max(1, round(_START * known.sum()))], axis=0)
+    # The first tenth of the film defines the base's place: a camera is calibrated before it is moved.
+    start = np.median(place[known][: max(1, round(0.1 * known.sum()))], axis=0)
     step, variance = np.zeros_like(place), np.zeros(len(place))
     for axis in range(2):
         away = place[:, axis] - start[axis]
@@ -239,25 +238,18 @@ def _noise(base: Floats, covariance: Floats) -> Floats:
 
 
 def _followed(away: Floats, noise: Floats) -> tuple[Floats, Floats]:
-    """Return a coordinate (n,) averaged as far as it is steady, and its variance (n,); both without gaps."""
+    """Return a coordinate (n,) averaged as far as it is steady, and its variance (n,).
+
+    Gaps, over a bump while the base was hidden, are interpolated; the squared step over each is added to its variance.
+    """
     smooth, variance = steady_direction(away, noise)
     known = np.isfinite(away)
     usual = float(np.median(noise[known]))
     # Frames far from the average keep their own value: the instant of a bump.
     apart = known & ~(np.abs(away - smooth) < BY_CHANCE * np.sqrt(usual))
     smooth, variance = np.where(apart, away, smooth), np.where(apart, noise, variance)
-    return _bridged(smooth, variance)
-
-
-def _bridged(values: Floats, variance: Floats) -> tuple[Floats, Floats]:
-    """Return values and variance with gaps interpolated; the squared step over a gap is added to its variance.
-
-    Such gaps are those over a bump while the base was hidden.
-    """
-    known = np.flatnonzero(np.isfinite(values))
-    index = np.arange(len(values))
-    after = np.clip(np.searchsorted(known, index), 0, len(known) - 1)
-    before = np.clip(after - 1, 0, None)
-    gap = ~np.isfinite(values)
-    across = (values[known[after]] - values[known[before]]) ** 2
-    return bridged(values), np.where(gap, across + np.median(variance[known]), variance)
+    gap = np.isnan(smooth)
+    inside = np.flatnonzero(~gap)
+    after = np.clip(np.searchsorted(inside, np.arange(len(smooth))), 0, len(inside) - 1)
+    across = (smooth[inside[after]] - smooth[inside[np.maximum(after - 1, 0)]]) ** 2
+    return bridged(smooth), np.where(gap, across + np.median(variance[inside]), variance)

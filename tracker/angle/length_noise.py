@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from torsight.core.series import robust_sigma
 from torsight.core.units import Flags, Floats
@@ -28,10 +29,6 @@ _CLIP: Final = 4.0
 _STILL_FRAMES: Final = 11
 _STILL_PX: Final = 0.2
 """A stick rests while its markers keep within ``_STILL_PX`` over ``_STILL_FRAMES``."""
-_EDGE_FRAMES: Final = 3
-_REST_SHARE: Final = 0.01
-"""Weight of all frames at rest together over that of those in motion, in the fit of the length over the direction: it
-counts only in directions in which the stick never moved."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,9 +57,8 @@ def in_motion(position_px: Floats) -> Flags:
     # A marker that is not seen at all in a window is ignored.
     extent = np.fmax.reduce(np.fmax.reduce(window) - np.fmin.reduce(window), axis=(1, 2))
     rests = np.convolve(extent < _STILL_PX, np.ones(side)) > 0.0
-    # The first and last frames of a motion are within the limit, but no longer frozen by the codec.
-    around = np.convolve(~rests, np.ones(2 * _EDGE_FRAMES + 1))
-    return np.asarray(around[_EDGE_FRAMES : _EDGE_FRAMES + n] > 0.0)
+    # The first and last three frames of a motion are within the limit, but no longer frozen by the codec.
+    return np.asarray(binary_dilation(~rests, iterations=3))
 
 
 def witness(stick: Sequence[Points], *, moves: Flags, turns: bool = True) -> LengthWitness:
@@ -109,11 +105,15 @@ def witness(stick: Sequence[Points], *, moves: Flags, turns: bool = True) -> Len
 
 
 def _weights(moves: Flags) -> Floats:
-    """Return the frames' weights in the fit of the length: at rest one frozen error is repeated in many frames."""
+    """Return the frames' weights in the fit of the length over the direction.
+
+    At rest one frozen error is repeated in many frames: together they have a hundredth of the weight of those in
+    motion, and so count only in directions in which the stick never moved.
+    """
     moving, resting = int(moves.sum()), int((~moves).sum())
     if moving < LEAST_FRAMES:
         return np.ones(len(moves))
-    return np.where(moves, 1.0, min(1.0, _REST_SHARE * moving / max(resting, 1)))
+    return np.where(moves, 1.0, min(1.0, 0.01 * moving / max(resting, 1)))
 
 
 def _scales(square: Floats, use: Flags, moves: Flags) -> tuple[float, float]:

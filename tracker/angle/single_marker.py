@@ -18,8 +18,6 @@ from tracker.angle.length_noise import LEAST_FRAMES
 from tracker.angle.row_time import Complex, circles
 from tracker.stick_direction import Points
 
-_CORRELATED: Final = 4.0
-"""Number of frames over which the residuals of a tilted circle are correlated."""
 _WORST_RAD: Final = np.deg2rad(1.0)
 """Standard deviation above which the direction counts as not known."""
 _PARTS: Final = 6
@@ -62,8 +60,8 @@ def _axis_and_arms(places: list[Floats], pair_rad: Floats, rows: NDArray[np.intp
     place: Complex = points[..., 0] + 1j * points[..., 1]
     left = place - (values[0] + np.outer(np.exp(1j * turn), values[1:]))
     mean_square = float(np.sum(np.abs(left) ** 2)) / (4 * len(rows) - 2 * len(values))
-    # The residuals of a tilted circle are correlated over many frames: they do not average out as noise does.
-    return values, np.asarray(_CORRELATED * mean_square * np.linalg.inv(normal))
+    # The residuals of a tilted circle are correlated over some four frames, and average out that much less than noise.
+    return values, np.asarray(4.0 * mean_square * np.linalg.inv(normal))
 
 
 def _from_one(

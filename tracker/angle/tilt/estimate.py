@@ -29,7 +29,8 @@ _PERSPECTIVE: Final = 0.8
 """Prior: change of scale across half the picture, over the square root of the stretch: both come from one tilt."""
 _BENDING: Final = 0.04
 """Prior: displacement by the lens at half the picture's width, as a share of it."""
-_FEWEST: Final = 12
+_FEWEST: Final = CIRCLES.stop
+"""Fewest frames: as many as there are values of tilt, lens, read-outs and circles."""
 _TURNED_RAD: Final = np.deg2rad(3.0)
 """Arc whose sagitta equals a marker's usual errors (0.03 px at 100 px from the axis): a shorter one shows no shape."""
 
