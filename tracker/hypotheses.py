@@ -233,9 +233,9 @@ class Weighing:
         beside = _beside(places, own, pairs.radius_px)
         # A dot at rest is lost as seldom as something else moves, unless the moving pair may lie over it.
         gone = np.where(np.isnan(places), math.sqrt(LIMITS[1] * shake) * STANDS_PX, np.abs(_off_rest(beside)))
-        stand = _usual(gone)
+        stand, carried = _usual(gone), _stands((beside - moving.axis[0]) * np.conj(moving.unit))
         # A dot may also be of something else that moves: −2 ln(1 − SURE) is the quantile for two coordinates.
-        rest = np.minimum(np.minimum(stand, _carried(beside, moving)), LIMITS[1] * shake)
+        rest = np.minimum(np.minimum(stand, carried), LIMITS[1] * shake)
         rest[own] = 0.0
         axis = _Axis(complex(moving.axis[0]), float(moving.variance_px2[0]), float(moving.beside_px[0]))
         apart = ~np.isin(pairs.ends, own).any(axis=1)
@@ -457,11 +457,6 @@ def _circles(places: Places, ends: Ints, size_px: tuple[int, int]) -> _Turning:
     turns = np.sum([_usual(at - axis - arm * unit) for at, arm in zip((one, two), arms, strict=True)], axis=0)
     beside_px = np.abs(0.5 * (arms[0] + arms[1]).imag)
     return _Turning(ends, unit, np.asarray(turns), axis, STANDS_PX**2 / worth, beside_px)
-
-
-def _carried(places: Places, moving: _Turning) -> Floats:
-    """Return χ² of markers at positions (n, d) as ones that are carried around by one moving pair."""
-    return _stands((places - moving.axis[0]) * np.conj(moving.unit))
 
 
 def _beside(places: Places, moving: Ints, radius_px: Floats) -> Places:

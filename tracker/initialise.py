@@ -187,7 +187,7 @@ class _Dots:
         # from this picture on is part of a record that was examined already.
         at = np.array([complex(dot.x_px, dot.y_px) for dot in dots])
         before = [one.places_after(count) for start, one in self._asked for count in (0, index - start)]
-        if len(dots) < 4 or any(_are_all_in(places, dots) for places in before):
+        if len(dots) < 4 or any(all(_is_at(dot, places) for dot in dots) for places in before):
             return False
         at_rest = np.array([bool((np.abs(one - self._resting) < STANDS_PX).any()) for one in at])
         search = Search(luma, dots, at_rest=at_rest)
@@ -317,11 +317,6 @@ class _Tracked:
             self.couple = replace(self.couple, base=self.couple.moving, moving=self.couple.base)
             places = places[:, [2, 3, 0, 1]]
         return share_read(self.couple, places, size_px)
-
-
-def _are_all_in(before: Places, dots: Sequence[Dot]) -> bool:
-    """Return whether all dots are at positions of earlier dots, within their radii."""
-    return all(_is_at(dot, before) for dot in dots)
 
 
 def _is_at(dot: Dot, places: Places) -> bool:

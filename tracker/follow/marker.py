@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +15,6 @@ from tracker.appearance.lucas_kanade import PHASES, READING, SYSTEM, read_dot, u
 from tracker.detect.sticks import Stick, edges_beside, half_width
 from tracker.follow.reading import Looks, share_of_step
 from tracker.follow.state import MARKER
-
-_FIT_SPREAD: Final = 0.15
-"""Mean deviation of the residual's logarithm at the start, until it is learned: white noise over 100 pixels has 0.07,
-and no noise is white."""
 
 
 class Marker:
@@ -55,7 +50,9 @@ class Marker:
         for name in ("x", "y", "light"):
             self.record[name] = reading[name]
         self.record["step"] = abs(reading["step"])
-        self.record["residual"] = share_of_step(float(reading["residual"]), float(reading["step"])), _FIT_SPREAD
+        # The mean deviation of the residual's logarithm, until it is learned: white noise over 100 pixels has 0.07, and
+        # no noise is white.
+        self.record["residual"] = share_of_step(float(reading["residual"]), float(reading["step"])), 0.15
 
     @property
     def x_px(self) -> float:
@@ -83,25 +80,18 @@ def looks_of(markers: Sequence[Marker]) -> Looks:
 
 def markers_on(luma: NDArray[np.uint8], *sticks: Stick) -> list[Marker]:
     """Return both markers of each stick, read for the first time; :class:`NoResultError` for one at the border."""
-    return [marker for stick in sticks for marker in _markers_on(luma, stick)]
-
-
-def _markers_on(luma: NDArray[np.uint8], stick: Stick) -> list[Marker]:
-    strip_px = half_width(luma, stick)
-    edges_px = edges_beside(luma, stick), edges_beside(luma, stick.turned())[::-1]
-    return [
-        _marker(luma, dot, Marker(dot, strip_px=strip_px, edges_px=edges))
-        for dot, edges in zip((stick.inner, stick.outer), edges_px, strict=True)
-    ]
-
-
-def _marker(luma: NDArray[np.uint8], dot: Dot, marker: Marker) -> Marker:
-    reading = marker.read(luma, dot.x_px, dot.y_px)
-    if reading is None:
-        raise NoResultError(
-            "a marker lies at the border of the picture",
-            value=f"[{dot.x_px:.0f}, {dot.y_px:.0f}]",
-            do="keep the sticks inside the picture",
-        )
-    marker.begin(reading)
-    return marker
+    markers: list[Marker] = []
+    for stick in sticks:
+        strip_px = half_width(luma, stick)
+        edges_px = edges_beside(luma, stick), edges_beside(luma, stick.turned())[::-1]
+        for dot, edges in zip((stick.inner, stick.outer), edges_px, strict=True):
+            markers.append(Marker(dot, strip_px=strip_px, edges_px=edges))
+            reading = markers[-1].read(luma, dot.x_px, dot.y_px)
+            if reading is None:
+                raise NoResultError(
+                    "a marker lies at the border of the picture",
+                    value=f"[{dot.x_px:.0f}, {dot.y_px:.0f}]",
+                    do="keep the sticks inside the picture",
+                )
+            markers[-1].begin(reading)
+    return markers

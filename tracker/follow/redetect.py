@@ -47,8 +47,6 @@ Record = Any
 _SLACK: Final = 0.05
 """Residual allowed for motion blur, as a share of the brightness step: a marker that is found again may be moving.
 Without it a tenth of the frames of the disc on a pivot (benchmarks/tracking/table.py) have no angle."""
-_SIZINGS: Final = 3
-"""Most estimates of a marker's size: sufficient from half to one and a half of it, for radii of 4 to 10 px."""
 _EAGER, SELDOM = 20, 3
 """Frames in each of which a lost stick is searched for, and the interval of the searches after that: they are slow."""
 
@@ -300,11 +298,12 @@ def _read(scene: Scene, luma: NDArray[np.uint8], index: int, places: Sequence[Po
 def _read_at_its_size(scene: Scene, luma: NDArray[np.uint8], index: int, place: Point, out: Record) -> bool:
     """Read a marker of a size that is unknown within a jump of the camera; return whether it is the marker itself.
 
-    ``out`` is its reading at its usual size: a reading shows the size to first order.
+    ``out`` is its reading at its usual size: a reading shows the size to first order. Three estimates are sufficient
+    from half to one and a half of the size, for radii of 4 to 10 px.
     """
     markers, size = scene.markers.copy(), 1.0
     shape = markers["shape"][index]
-    for _ in range(_SIZINGS):
+    for _ in range(3):
         by = 1.0 + float(out["change"][0] / shape["radius"])
         size *= by
         if not passes(((size - 1.0) / JUMP) ** 2, 1):

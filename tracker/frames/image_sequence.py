@@ -22,8 +22,6 @@ from tracker.frames.frame import DEFAULT_FPS, Damage, Frame, GivenTimes
 
 _DEPTHS: Final = (8, 10, 12, 14, 16)
 """Bits per pixel of cameras."""
-_LOOKED_AT: Final = 24
-"""Number of pictures, from the first to the last, from which the bit depth is estimated."""
 
 
 class PictureSource:
@@ -150,8 +148,8 @@ Picture = NDArray[np.uint8] | NDArray[np.uint16]
 
 
 def _bits_in_use(paths: Sequence[Path]) -> int:
-    """Return the smallest bit depth of a camera that holds the brightest value of pictures spread over the sequence."""
-    chosen = np.unique(np.linspace(0, len(paths) - 1, _LOOKED_AT).astype(np.int64))
+    """Return the smallest bit depth of a camera that holds the brightest value of 24 pictures of the sequence."""
+    chosen = np.unique(np.linspace(0, len(paths) - 1, 24).astype(np.int64))
     pictures = [_read(paths[index]) for index in chosen]
     top = max(int(picture.max()) for picture in pictures if picture is not None and picture.dtype == np.uint16)
     return next(bits for bits in _DEPTHS if top < 1 << bits)
