@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import heapq
 from collections.abc import Iterator
 from typing import Any
@@ -56,7 +57,8 @@ class Decoder:
             except (av.error.FFmpegError, OSError) as error:
                 self.fatal = reason_of(error)
                 # Frames that the decoder still holds were read before the damage.
-                yield from self._flush(stream)
+                with contextlib.suppress(av.error.FFmpegError, EOFError):
+                    yield from stream.decode(None)
                 return
             if packet.is_discard:
                 # Outside the edit list: decoded, because other frames depend on it, but not yielded.
@@ -71,12 +73,6 @@ class Decoder:
             except (av.error.InvalidDataError, av.error.FFmpegError) as error:
                 self._errors += 1
                 self.message = reason_of(error)
-
-    def _flush(self, stream: Any) -> Iterator[Any]:
-        try:
-            yield from stream.decode(None)
-        except (av.error.FFmpegError, EOFError):
-            return
 
     def _missing_before(self, pts: int | None) -> Iterator[int]:
         """Yield the timestamps of packets before ``pts`` that yielded no frame, once an error has occurred.

@@ -232,28 +232,21 @@ class FilmSource:
     def _note_end(self, count: int, last_s: float, decoder: Decoder) -> None:
         self.given.note_rows_left(self.damage, count)
         self._note_interlaced(decoder, count)
+        text = ""
         if decoder.fatal:
-            self.damage.add(
-                count,
-                last_s,
-                f"the film cannot be read past frame {count - 1} ({decoder.fatal}); what came before is kept",
-            )
+            text = f"the film cannot be read past frame {count - 1} ({decoder.fatal}); what came before is kept"
         elif self.frame_count is not None and count + decoder.hidden + self.repeated(self.pts) < self.frame_count:
-            self.damage.add(
-                count,
-                last_s,
-                f"the film ends after frame {count - 1}, but {self.frame_count} frames are declared: it was cut",
-            )
+            text = f"the film ends after frame {count - 1}, but {self.frame_count} frames are declared: it was cut"
         elif self.frame_count is None and self._declared_s is not None and not self.given:
             steps_s = np.diff(np.array([pts for pts in self.pts if pts is not None])) * self.tick_s
             # The last frame may be shown for as long as the longest other one; another step allows for rounding.
             if len(steps_s) and self._declared_s - last_s > self._start_s + 2.0 * float(steps_s.max()):
-                self.damage.add(
-                    count,
-                    last_s,
+                text = (
                     f"the film ends after frame {count - 1}, {last_s:.1f} s into it, but a length of "
-                    f"{self._declared_s:.1f} s is declared: it was cut",
+                    f"{self._declared_s:.1f} s is declared: it was cut"
                 )
+        if text:
+            self.damage.add(count, last_s, text)
 
     def _note_interlaced(self, decoder: Decoder, count: int) -> None:
         if not decoder.interlaced:
