@@ -63,7 +63,7 @@ from tracker.detect.sticks import (
     strip_share,
     towards_axis,
 )
-from tracker.dot_paths import NOWHERE, DotPaths
+from tracker.dot_paths import NOWHERE, DotPaths, median_known
 from tracker.follow.judgement import MOVED_RAD, NEAR
 from tracker.follow.motion_model import STALE
 from tracker.follow.rotation_axis import OFF_CIRCLE_PX, STANDS_PX, STEP_RAD
@@ -116,7 +116,7 @@ class _Turning:
 
 def _usual(off_px: Places | Floats) -> Floats:
     """Return χ² of markers with residuals (n, …), NaN where they are not seen, in the median of n frames."""
-    return np.asarray(_median(np.abs(off_px) ** 2) / STANDS_PX**2)
+    return np.asarray(median_known(np.abs(off_px) ** 2) / STANDS_PX**2)
 
 
 def _stands(places: Places) -> Floats:
@@ -126,18 +126,7 @@ def _stands(places: Places) -> Floats:
 
 def _off_rest(places: Places) -> Places:
     """Return the residuals of markers with positions (n, …) as ones at rest."""
-    return np.asarray(places - _median(places.real) - 1j * _median(places.imag))
-
-
-def _median(values: Floats) -> Floats:
-    """Return the median of the finite values along the first axis, 0 where there are none."""
-    last = np.isfinite(values).sum(axis=0, keepdims=True) - 1
-    if not (last >= 0).any():
-        return np.zeros(values.shape[1:])
-    # NaN is sorted last; numpy's nanmedian works on masked arrays, and takes six times as long.
-    ordered = np.sort(values, axis=0)
-    low, high = (np.take_along_axis(ordered, np.maximum(at // 2, 0), axis=0) for at in (last, last + 1))
-    return np.asarray(np.where(last >= 0, 0.5 * (low + high), 0.0)[0])
+    return np.asarray(places - median_known(places.real) - 1j * median_known(places.imag))
 
 
 class Weighing:
