@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+import itertools
+from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -31,13 +32,18 @@ _FEW: Final = 2
 
 def doubts(result: TrackResult) -> list[str]:
     """Return warnings that have to be read before the angles are used; most tracks have none."""
+    still = unmoved(longest_view(result.tracks)).tracks
     if result.report["markers"]["given"]:
         found = exchanged(result)[0] or _missing_base(result)
     else:
-        found = _rival_markers(result) + _faint_markers(result)
-    still = unmoved(longest_view(result.tracks)).tracks
-    found += _off_their_stick(result.report["markers"], still)
-    return found + _repeated_texture(result) + _moving_axis(still) + _file_faults(result)
+        found = itertools.chain(_rival_markers(result), _faint_markers(result))
+    return [
+        *found,
+        *_off_their_stick(result.report["markers"], still),
+        *_repeated_texture(result),
+        *_moving_axis(still),
+        *_file_faults(result),
+    ]
 
 
 @functools.lru_cache(maxsize=2)
@@ -108,13 +114,12 @@ def doubts_of_length(result: TrackResult, orientation: Orientation) -> list[str]
     return words
 
 
-def _rival_markers(result: TrackResult) -> list[str]:
-    """Return warnings of other possible markers: other dots, or the same ones with inner and outer exchanged."""
+def _rival_markers(result: TrackResult) -> Iterator[str]:
+    """Yield warnings of other possible markers: other dots, or the same ones with inner and outer exchanged."""
     markers = result.report["markers"]
-    words: list[str] = []
     if rivals := markers.get("rivals", []):
         others = " or ".join(f"{_in_words(rival)} ({rival['probability']:.0%})" for rival in rivals)
-        words.append(
+        yield (
             f"Other dots look like the sticks' markers, and neither the picture nor the motion rules them out: "
             f"{_in_words(markers['taken'])} were taken ({markers['taken']['probability']:.0%}); it may be {others}. "
             "The angles are wrong if so. track.png shows both; pick the markers with "
@@ -122,12 +127,11 @@ def _rival_markers(result: TrackResult) -> list[str]:
         )
     opposite = markers.get("opposite_probability", 0.0)
     if opposite > 1.0 - SURE:
-        words.append(
+        yield (
             f"The stick turns too little to show which of a stick's dots is the inner one: with a probability of "
             f"{opposite:.0%} all angles are off by 180 degrees. Pick the markers with "
             "'torsight markers', or let the stick turn further."
         )
-    return words
 
 
 def _in_words(couple: Mapping[str, Any]) -> str:
@@ -135,13 +139,13 @@ def _in_words(couple: Mapping[str, Any]) -> str:
     return f"base {places['base']} with moving {places['moving']}"
 
 
-def _faint_markers(result: TrackResult) -> list[str]:
-    """Return a warning if the dots that were taken for the markers have little contrast."""
-    words = (
-        "The dots that were taken for the markers hardly stand out: they may be something else. Look in track.png "
-        "whether they are the markers, and pick these with 'torsight markers' if not."
-    )
-    return [words] if result.report["markers"].get("faint") else []
+def _faint_markers(result: TrackResult) -> Iterator[str]:
+    """Yield a warning if the dots that were taken for the markers have little contrast."""
+    if result.report["markers"].get("faint"):
+        yield (
+            "The dots that were taken for the markers hardly stand out: they may be something else. Look in track.png "
+            "whether they are the markers, and pick these with 'torsight markers' if not."
+        )
 
 
 def _exchanged_sticks(tracks: MarkerTracks) -> list[str]:
@@ -170,11 +174,11 @@ def _has_turned(tracks: MarkerTracks) -> bool:
     return len(turn) > _FEW and bool(np.abs(np.angle(np.exp(1j * (turn - turn[0])))).max() > SIGMAS * MOVED_RAD)
 
 
-def _missing_base(result: TrackResult) -> list[str]:
-    """Return a warning if the base is mostly not found at its given position: the stick given may be the moving one."""
+def _missing_base(result: TrackResult) -> Iterator[str]:
+    """Yield a warning if the base is mostly not found at its given position: the stick given may be the moving one."""
     # Dots that are read as no dots are missing for that reason.
     if _has_turned(result.tracks) or "base" in result.report["markers"].get("not_on_one_stick", {}):
-        return []
+        return
     state = result.rows["state"]
     usable = ~np.isin(state, (CODE["dark"], CODE["damaged"])).any(axis=1)
     # Both markers have to be missing: the other stick may lie over one of them.
@@ -182,12 +186,11 @@ def _missing_base(result: TrackResult) -> list[str]:
     gone &= np.isin(state[:, :2], (CODE["lost"], CODE["hidden"])).any(axis=1)
     # A stick that turns is seen where it was given at first.
     if not (usable & ~gone).any() or 2 * gone.sum() < usable.sum():
-        return []
-    words = (
+        return
+    yield (
         f"The base is not where it was given in {gone.sum()} of {counted(int(usable.sum()), 'frame')}, so the angles "
         "rest on few frames. Exchange base and moving in the marker file if the base given is the stick that turns."
     )
-    return [words]
 
 
 def _exchanged_markers(tracks: MarkerTracks) -> tuple[list[str], bool]:
@@ -213,43 +216,40 @@ def _exchanged_markers(tracks: MarkerTracks) -> tuple[list[str], bool]:
     return [sentence], len(found) == 1
 
 
-def _off_their_stick(markers: Mapping[str, Any], tracks: MarkerTracks) -> list[str]:
-    """Return a warning for a stick whose two given dots look unlike, and lie on a line that misses the axis.
+def _off_their_stick(markers: Mapping[str, Any], tracks: MarkerTracks) -> Iterator[str]:
+    """Yield a warning for a stick whose two given dots look unlike, and lie on a line that misses the axis.
 
     Markers lie on the middle line of a stick to within about their radius; ``tracks`` are as by a fixed camera.
     """
     unlike = markers.get("not_on_one_stick", {})
     axis = axis_px(tracks) if unlike else None
-    words = []
     for name, first in zip(STICKS, (0, 2), strict=True) if axis is not None else ():
         both = np.flatnonzero(tracks.valid[:, first : first + 2].all(axis=1))
         if name in unlike and len(both):
             away, along = tracks.position_px[both[0], first] - axis, np.diff(tracks.position_px[both[0]], axis=0)[first]
             beside_px = float(abs(away[0] * along[1] - away[1] * along[0]) / np.hypot(*along))
             if beside_px > SIGMAS * markers["radius_px"]:
-                words.append(
+                yield (
                     f"The two dots given for the {name} stick may not be on one stick: {unlike[name]}, and the line "
                     f"through them passes the axis at {beside_px:.0f} px. All angles are off by the same amount if one "
                     "of them is no marker. Look in track.png, and mend the marker file."
                 )
-    return words
 
 
-def _repeated_texture(result: TrackResult) -> list[str]:
-    """Return a warning if the moving stick's texture is repeated nearby: marks of a scale, teeth of a wheel."""
+def _repeated_texture(result: TrackResult) -> Iterator[str]:
+    """Yield a warning if the moving stick's texture is repeated nearby: marks of a scale, teeth of a wheel."""
     turn_deg = result.report["markers"].get("looks_alike_turned_by_deg")
     if turn_deg is None:
-        return []
-    words = (
+        return
+    yield (
         f"The texture around the points of the moving stick is repeated: turned by {turn_deg:.0f} degrees it looks the "
         "same. Where the stick is fast or covered one place may be taken for another, and the angle is wrong. Choose "
         "points that look like nothing near them."
     )
-    return [words]
 
 
-def _moving_axis(tracks: MarkerTracks) -> list[str]:
-    """Return a warning if the moving stick turns about no fixed axis: it rolls, is carried, or was misread at times.
+def _moving_axis(tracks: MarkerTracks) -> Iterator[str]:
+    """Yield a warning if the moving stick turns about no fixed axis: it rolls, is carried, or was misread at times.
 
     The markers' distances from the axis are tested as :mod:`tracker.follow` tests those of a marker found again;
     ``tracks`` are as by a fixed camera.
@@ -257,31 +257,29 @@ def _moving_axis(tracks: MarkerTracks) -> list[str]:
     axis = axis_px(tracks)
     both = np.flatnonzero(tracks.valid[:, 2:].all(axis=1) & tracks.valid[:, :2].any(axis=1))
     if axis is None or not len(both):
-        return []
+        return
     away = np.linalg.norm(tracks.position_px[both, 2:] - axis, axis=-1)
     usual = np.median(away, axis=0)
     sigma_px = np.array([circle_sigma_px(px, 0.0) for px in usual.tolist()])
     chi_squared = np.sum(np.square((away - usual) / sigma_px), axis=1)
     off = int(np.sum(chi_squared > LIMITS[1]))
     if off < _WANDERS * len(both):
-        return []
-    words = (
+        return
+    yield (
         f"The moving stick does not turn about a fixed axis: in {off} of {counted(len(both), 'frame')} its "
         "markers are off the circles that the other frames show. Angles are those of a stick on a fixed axis; check in "
         "track.png that the markers were followed."
     )
-    return [words]
 
 
-def _file_faults(result: TrackResult) -> list[str]:
-    """Return warnings of faults in the film, the pictures or the table of times, as noted by the source."""
-    found = [f"{capital(entry['text'])}." for entry in result.damage if entry["kind"] != "damage"]
+def _file_faults(result: TrackResult) -> Iterator[str]:
+    """Yield warnings of faults in the film, the pictures or the table of times, as noted by the source."""
+    yield from (f"{capital(entry['text'])}." for entry in result.damage if entry["kind"] != "damage")
     if "note" in result.report["source"]:
-        found.append(f"{capital(result.report['source']['note'])}.")
+        yield f"{capital(result.report['source']['note'])}."
     damage = [entry for entry in result.damage if entry["kind"] == "damage"]
     if damage:
         lost = int((result.rows["state"] == CODE["damaged"]).any(axis=1).sum())
         frames = f" {counted(lost, 'frame')} could not be used." if lost else ""
         more = f" (and {len(damage) - 1} more)" if len(damage) > 1 else ""
-        found.append(f"The file is damaged: {damage[0]['text']}{more}.{frames} Copy it from the camera again.")
-    return found
+        yield f"The file is damaged: {damage[0]['text']}{more}.{frames} Copy it from the camera again."
