@@ -25,7 +25,6 @@ LEAST_FRAMES: Final = 30
 """Frames in motion, or at rest, from which the size of their errors is estimated: to an eighth."""
 _FEW_FRAMES: Final = 8
 """Frames in motion, or at rest, from which at least an upper bound of their errors is estimated."""
-_CLIP: Final = 4.0
 _STILL_FRAMES: Final = 11
 _STILL_PX: Final = 0.2
 """A stick rests while its markers keep within ``_STILL_PX`` over ``_STILL_FRAMES``."""
@@ -92,7 +91,8 @@ def witness(stick: Sequence[Points], *, moves: Flags, turns: bool = True) -> Len
         left = length[known] - _smooth(angle * turns, length[known], weight * use)
         spreads = [robust_sigma(left[kind & use]) for kind in kinds]
         for kind, spread in zip(kinds, spreads, strict=True):
-            use[kind] = np.abs(left[kind]) < max(_CLIP * spread, 1e-9)
+            # Normal errors are hardly ever beyond four standard deviations: the fit is of the others.
+            use[kind] = np.abs(left[kind]) < max(4.0 * spread, 1e-9)
             if not use[kind].any():
                 use[kind] = True
     residual[known] = left
