@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import binary_dilation
 
 from torsight.core.series import robust_sigma
 from torsight.core.units import Flags, Floats
@@ -57,7 +56,7 @@ def in_motion(position_px: Floats) -> Flags:
     extent = np.fmax.reduce(np.fmax.reduce(window) - np.fmin.reduce(window), axis=(1, 2))
     rests = np.convolve(extent < _STILL_PX, np.ones(side)) > 0.0
     # The first and last three frames of a motion are within the limit, but no longer frozen by the codec.
-    return np.asarray(binary_dilation(~rests, iterations=3))
+    return np.asarray(np.convolve(~rests, np.ones(2 * 3 + 1))[3 : n + 3] > 0.0)
 
 
 def witness(stick: Sequence[Points], *, moves: Flags, turns: bool = True) -> LengthWitness:
