@@ -283,7 +283,7 @@ def _variances(level: NDArray[np.uint8], rows: Ints, columns: Ints, side: int) -
         total = square = 0
         for row in range(rows[k], rows[k] + side):
             for column in range(columns[k], columns[k] + side):
-                value = np.int64(level[row, column])
+                value = int(level[row, column])
                 total, square = total + value, square + value * value
         found[k] = square / side**2 - (total / side**2) ** 2
     return found

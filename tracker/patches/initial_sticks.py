@@ -141,7 +141,7 @@ def _scale(hints: MarkerHints) -> float:
     """Return how many times the moving stick is as long as one with the usual patches, at least 1."""
     base_px, moving_px = np.hypot(*(hints.position_px[1::2] - hints.position_px[::2]).T).tolist()
     # The place of a tag is not known yet.
-    length_px = base_px if math.isnan(moving_px) else moving_px
+    length_px: float = base_px if math.isnan(moving_px) else moving_px
     return max(1.0, _OF_LENGTH * length_px / _LARGEST_PX)
 
 

@@ -62,8 +62,8 @@ def texture_look(luma: NDArray[np.uint8], x_px: float, y_px: float, *, window_px
     step_px = spacing_px(window_px)
     margin = math.ceil(math.sqrt(2.0) * window_px + 4.0 * step_px)
     left, top = round(x_px) - margin, round(y_px) - margin
-    part = cut_out(luma, left + margin, top + margin, margin).astype(np.float32)
-    part = cv2.GaussianBlur(part, (0, 0), blur * step_px)
+    around = cut_out(luma, left + margin, top + margin, margin).astype(np.float32)
+    part = cv2.GaussianBlur(around, (0, 0), blur * step_px)
 
     def brightness(x: Floats, y: Floats) -> Floats:
         at = (np.asarray(x + x_px - left, np.float32), np.asarray(y + y_px - top, np.float32))
