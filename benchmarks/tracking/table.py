@@ -108,6 +108,7 @@ def drawn(frames: int) -> Iterator[tuple[str, FlatFilm, dict[str, Any]]]:
             "angle_deg": lambda t: 60.0 + 30.0 * np.rad2deg(10.0 / 120.0) * t,
             "exposure": 0.5,
         },
+        "in 1920 × 1440": {"angle_deg": lambda t: 160.0 + 60.0 * np.cos(0.8 * t), "enlarged": 3},
         "seen from 25° aside": {"angle_deg": lambda t: 160.0 + 80.0 * np.cos(1.5 * t), "tilt_deg": 25.0},
         "a hand for 20 frames": {
             "angle_deg": lambda t: 60.0 + 60.0 * t,

@@ -65,6 +65,8 @@ class FlatFilm:
     shift_mm: tuple[float, float] = (0.0, 0.0)
     hands: list[Hand] = field(default_factory=list)
     mirrored: bool = False
+    enlarged: int = 1
+    """How many times the pictures are larger than ``size``: details, noise and motion are larger alike."""
 
     @property
     def times(self) -> np.ndarray:
@@ -87,7 +89,7 @@ class FlatFilm:
     def on_stick(self, stick: int, angle_deg: float, along_mm: float, across_mm: float = 0.0) -> np.ndarray:
         """Pixel position of a point of a stick (0 base, 1 moving)."""
         seen = self.camera() @ _turned(self.base_deg + (angle_deg if stick else 0.0)) @ [along_mm, across_mm, 1.0]
-        return seen[:2] / seen[2]
+        return (seen[:2] / seen[2] + 0.5) * self.enlarged - 0.5
 
     def pictures(self) -> Iterator[np.ndarray]:
         rng = np.random.default_rng(self.seed)
@@ -104,6 +106,7 @@ class FlatFilm:
             picture = cv2.GaussianBlur(picture, (0, 0), self.blur_px) * light
             picture = picture + rng.normal(0.0, self.noise, picture.shape)
             seen = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+            seen = cv2.resize(seen, None, fx=self.enlarged, fy=self.enlarged, interpolation=cv2.INTER_CUBIC)
             yield np.ascontiguousarray(seen[:, ::-1]) if self.mirrored else seen
 
     def sprites(self, number: int) -> tuple[list[Sprite], list[Sprite]]:
@@ -132,14 +135,14 @@ class FlatFilm:
         """Write the film: pictures as they are, FFV1, or H.264 with its rate factor."""
         with av.open(str(path), "w") as container:
             stream = container.add_stream(codec, rate=Fraction(self.fps))
-            stream.width, stream.height = self.size
+            stream.width, stream.height = width, height = [self.enlarged * side for side in self.size]
             stream.pix_fmt = "gray" if codec in LOSSLESS else "yuv420p"
             stream.options = {} if codec in LOSSLESS else {"crf": str(crf), "preset": "veryfast"}
             for number, picture in enumerate(self.pictures()):
                 frame = av.VideoFrame.from_ndarray(picture, format="gray")
                 if codec not in LOSSLESS:
-                    planes = np.full((self.size[1] * 3 // 2, self.size[0]), 128, np.uint8)
-                    planes[: self.size[1]] = picture
+                    planes = np.full((height * 3 // 2, width), 128, np.uint8)
+                    planes[:height] = picture
                     frame = av.VideoFrame.from_ndarray(planes, format="yuv420p")
                 frame.pts = number
                 frame.time_base = 1 / Fraction(self.fps)

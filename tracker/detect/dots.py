@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled, shared
-from torsight.core.units import Floats
+from torsight.core.units import Floats, Ints
 from tracker.appearance.dot_fit import Dot, fit_dot
 
 Levels = list[NDArray[np.uint8]]
@@ -38,6 +38,12 @@ FAINTEST: Final = 6.0
 """Smallest contrast of a dot, grey levels."""
 EXPLAINED: Final = 0.75
 """Smallest share of the window's variance that a dot has to explain."""
+_RIM_PX: Final = 1.5
+"""Width of the rim of a dot beyond its radius, also in widths of its edge, which in a large picture are larger than a
+pixel: 7 % of its step are left there."""
+_SOFTEST: Final = 0.2
+"""Largest width of that rim over the radius: the rim of the drawn dots of benchmarks/tracking/drawing.py has 0.14, and
+what is softer is a blotch, beyond which plain ground is no evidence of a dot."""
 _MOST: Final = 120
 """Most positions that are fitted in a picture: a sheet's holes, about ten by ten, may be as clear as the markers."""
 
@@ -88,7 +94,8 @@ def _judge_dot(
             return _unexplained(close)
         x_px, y_px, radius_px = close.x_px / size, close.y_px / size, close.radius_px / size
     assert close is not None  # noqa: S101 - for the type checker
-    room = _room(luma, x_px, y_px, radius_px, max(0.25 * close.step, 4.0 * close.residual))
+    begin_px = radius_px + max(_RIM_PX, min(_RIM_PX * close.edge_px, _SOFTEST * radius_px))
+    room = _room(luma, x_px, y_px, begin_px, max(0.25 * close.step, 4.0 * close.residual))
     if room < radius_px + 0.5:
         return (
             f"the ground around it is plain only up to {room:.1f} px from its centre; {radius_px + 0.5:.1f} px needed"
@@ -151,10 +158,13 @@ def _rim(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float, si
 
 
 @compiled
-def _room(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float, limit: float) -> float:
-    """Return the distance from a dot's centre up to which the brightness is that of the stick to within a limit, px."""
-    ring, level, reach = np.empty(48), math.nan, radius_px + 1.5
-    while reach < 2.0 * radius_px + 8.0:
+def _room(luma: NDArray[np.uint8], x_px: float, y_px: float, begin_px: float, limit: float) -> float:
+    """Return the distance from a dot's centre up to which the brightness is that of the stick to within a limit, px.
+
+    ``begin_px`` is a distance at which the rim is past.
+    """
+    ring, level, reach = np.empty(48), math.nan, begin_px
+    while reach < 2.0 * begin_px + 5.0:
         for k in range(48):
             x, y = _on_ring(x_px, y_px, reach, 2.0 * math.pi * k / 48)
             if x < 0 or y < 0 or x >= luma.shape[1] or y >= luma.shape[0]:
@@ -254,19 +264,26 @@ def _places_of(levels: Levels, radius_px: float) -> Floats:
     rows, columns = np.nonzero(light | ((score < -_LIKELY) & (score == cv2.erode(score, around))))
     like = score[rows, columns].astype(np.float64)
     # Clearness of the dot: a disc explains the square of the correlation, and the spread is proportional to its step.
-    mean, square = (
-        (
-            sums[rows + side, columns + side]
-            - sums[rows, columns + side]
-            - sums[rows + side, columns]
-            + sums[rows, columns]
-        )
-        / side**2
-        for sums in cv2.integral2(level, sdepth=cv2.CV_64F)
-    )
-    variance = np.maximum(square - mean**2, 0.0)
+    variance = _variances(level, rows, columns, side)
     clear = np.abs(like) ** 8 * variance**0.25
     size = np.full(len(rows), radius_px)
     found = np.stack([clear, (columns + half) / scale, (rows + half) / scale, size, np.sign(like)], axis=1)
     # The disc's step by regression; of a dot whose radius or place is between those tried, as much as correlates.
     return np.asarray(found[np.abs(like) * np.sqrt(variance) > _LIKELY * FAINTEST * float(pattern.std())])
+
+
+@compiled
+def _variances(level: NDArray[np.uint8], rows: Ints, columns: Ints, side: int) -> Floats:
+    """Return the variances (p,) of the brightness in squares of a side, px, from their top left pixels (p,).
+
+    Sums over the whole picture would be eight times as large as that, twice.
+    """
+    found = np.empty(len(rows))
+    for k in range(len(rows)):
+        total = square = 0
+        for row in range(rows[k], rows[k] + side):
+            for column in range(columns[k], columns[k] + side):
+                value = int(level[row, column])
+                total, square = total + value, square + value * value
+        found[k] = square / side**2 - (total / side**2) ** 2
+    return found

@@ -45,8 +45,11 @@ _ROUNDS: Final = 12
 _MOVED: Final = 2
 """Rounds whose warps give the motion blur: at the first guess, and after a step, which reaches its end to a few per
 cent of the motion."""
-_STOP_PX: Final = 0.01
-"""Step of a point at the patch's rim below which the fit stops: a tenth of a reading's noise in an ordinary film."""
+_STOP: Final = 0.01
+"""Step of a point at the patch's rim, over that of the grid, below which the fit stops: a tenth of a reading's noise in
+an ordinary film."""
+_REACH: Final = 6.0
+"""Steps of the grid by which the rim may move from the first guess."""
 _ROUNDED: Final = 1.0 / 12.0
 """Variance by the rounding of brightness: a lower bound for every picture, also that of the template."""
 _TUKEY: Final = 4.685
@@ -235,9 +238,9 @@ class Patch:
         # A sample has 1/(4πσ²) of a pixel's noise variance; samples correlate by the overlap of their kernels.
         return np.asarray(4.0 * math.pi * kernel_px2 / self.spacing_px**2 * (seen @ seen.T), dtype=np.float64)
 
-    def _cut(self, luma: NDArray[np.uint8], warp: Floats, *, reach_px: float = 6.0) -> _Part:
+    def _cut(self, luma: NDArray[np.uint8], warp: Floats) -> _Part:
         """Return the part of a picture around the patch's expected position, blurred for sampling."""
-        corners = project(warp, self.rim)
+        corners, reach_px = project(warp, self.rim), _REACH * self.spacing_px
         low, high = corners.min(axis=1) - reach_px, corners.max(axis=1) + reach_px
         half = math.ceil(0.5 * float((high - low).max()))
         middle = np.rint(0.5 * (low + high))
@@ -305,9 +308,9 @@ class Patch:
             if step is None:
                 return None
             now, warp, moved = step
-            if moved < _STOP_PX:
+            if moved < _STOP * self.spacing_px:
                 break
-        if moved > 10.0 * _STOP_PX:
+        if moved > 10.0 * _STOP * self.spacing_px:
             return None
         all_known = learnt is not None and np.count_nonzero(learnt.known) > (1.0 - _FEW) * self.count
         # Relative to the scatter of its own residuals, any patch would seem whole, whatever covers it.
@@ -347,9 +350,9 @@ class Patch:
             if step is None:
                 return None
             now, warp, moved = step
-            if moved < _STOP_PX and near:
+            if moved < _STOP * self.spacing_px and near:
                 break
-            near = near or moved < _STOP_PX
+            near = near or moved < _STOP * self.spacing_px
         return self._fit(now, warp, usual, blur, weight, inverse)
 
     def _weights(self, now: _Now, noise: float, learnt: Ink | None, alone: Flags) -> Floats:

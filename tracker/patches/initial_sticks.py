@@ -25,17 +25,23 @@ from tracker.follow.marker import markers_on
 from tracker.frames.frame import Frame, FrameSource
 from tracker.patches.align import Patch, cut_out
 from tracker.patches.tag_stick import TagStick
-from tracker.patches.texture import TurnedSearch, round_spot, texture_look, texture_patch
+from tracker.patches.texture import TurnedSearch, round_spot, spacing_px, texture_look, texture_patch
 from tracker.patches.texture_stick import TextureStick
 from tracker.patches.warps import Point
 
 _SMALLEST_PX, _LARGEST_PX = 8.0, 15.0
-"""Radii of the patch around a point without a dot: the largest for which there is room, at least the smallest."""
-_STRUCTURE_PX: Final = 2.0
-"""Blur before the structure is computed: noise of two grey levels then has gradients of 0.1 levels per px."""
+"""Radii of the patch around a point without a dot: the largest for which there is room, at least the smallest. In a
+large picture, whose points move further and whose details are larger, it grows with the moving stick."""
+_OF_LENGTH: Final = 1.0 / 6.0
+"""Largest radius of a patch over the length of the moving stick: that of the textured films of
+benchmarks/tracking/table.py. The same film gets the same patches at any size of its picture."""
+_STRUCTURE: Final = 2.0
+"""Blur, in steps of a patch, before the structure is computed: noise of two grey levels then has gradients of 0.1
+levels per px."""
 _SLOPE: Final = 0.6
-"""Smallest gradient (rms, grey levels per px) along the weakest direction: six times that of noise. Real texture has 2
-to 10, the straight edge of a pipe in a film in H.264 0.3 to 0.5. Below it in all directions there is no texture."""
+"""Smallest gradient (rms, grey levels per step of a patch) along the weakest direction: six times that of noise. Real
+texture has 2 to 10, the straight edge of a pipe in a film in H.264 0.3 to 0.5. Below it in all directions there is no
+texture."""
 
 
 def sticks_of(first: Frame | None, hints: MarkerHints) -> tuple[Stick, Stick]:
@@ -78,7 +84,7 @@ def _texture_stick(first: Frame, hints: MarkerHints, stick: int) -> TextureStick
             limit="two places on a stick, between which it turns",
             do="choose a second spot, or a corner",
         )
-    looks = [texture_look(first.luma, x, y, window_px=window_px, blur_px=1.0) for x, y in points]
+    looks = [texture_look(first.luma, x, y, window_px=window_px, blur=1.0) for x, y in points]
     search = TurnedSearch((looks[0], looks[1]), window_px=window_px, offset_px=offset_px, still=stick == 0)
     half_px = min(edges_beside_line(first.luma, *points, window_px=window_px), default=window_px)
     return TextureStick(patches, points, search, still=stick == 0, half_px=half_px)
@@ -103,12 +109,13 @@ def _window_px(luma: NDArray[np.uint8], hints: MarkerHints, stick: int, point: P
     one, two = ((x, y) for x, y in hints.position_px[2 - 2 * stick : 4 - 2 * stick].tolist())
     # The place of a tag is not known yet.
     alone = math.isnan(one[0])
-    edges_px = [] if alone else edges_beside_line(luma, one, two, window_px=_LARGEST_PX)
+    scale = _scale(hints)
+    edges_px = [] if alone else _edges_px(luma, one, two, scale=scale)
     apart_px = math.inf
     if not alone:
         # Without edges no bar is known to join the other points.
         apart_px = to_strip(point, one, two, 0.0) if edges_px else min(math.dist(point, one), math.dist(point, two))
-    width_px = min(edges_px, default=_LARGEST_PX)
+    width_px = min(edges_px, default=_known_px(scale))
     if apart_px - width_px < _SMALLEST_PX - 2.0:
         other = "the line through the other stick's markers" if edges_px else "a marker of the other stick"
         raise NoResultError(
@@ -118,7 +125,8 @@ def _window_px(luma: NDArray[np.uint8], hints: MarkerHints, stick: int, point: P
             limit=f"{width_px + _SMALLEST_PX - 2.0:.0f} px or more in the first frame",
             do="choose a point further out, or start filming with the sticks apart",
         )
-    window_px: float = min(_LARGEST_PX, x - 2.0, y - 2.0, width - 3.0 - x, height - 3.0 - y, apart_px - width_px)
+    largest_px = _largest_px(luma, hints, stick, scale)
+    window_px: float = min(largest_px, x - 2.0, y - 2.0, width - 3.0 - x, height - 3.0 - y, apart_px - width_px)
     if window_px < _SMALLEST_PX - 2.0:
         raise NoResultError(
             "lies too close to the border of the picture",
@@ -129,23 +137,55 @@ def _window_px(luma: NDArray[np.uint8], hints: MarkerHints, stick: int, point: P
     return window_px
 
 
+def _scale(hints: MarkerHints) -> float:
+    """Return how many times the moving stick is as long as one with the usual patches, at least 1."""
+    base_px, moving_px = np.hypot(*(hints.position_px[1::2] - hints.position_px[::2]).T).tolist()
+    # The place of a tag is not known yet.
+    length_px: float = base_px if math.isnan(moving_px) else moving_px
+    return max(1.0, _OF_LENGTH * length_px / _LARGEST_PX)
+
+
+def _known_px(scale: float) -> float:
+    """Return how far around a point the picture is known to show its own stick, px."""
+    return max(_LARGEST_PX, scale * _SMALLEST_PX)
+
+
+def _edges_px(luma: NDArray[np.uint8], one: Point, two: Point, *, scale: float) -> list[float]:
+    """Return the distances, px, of a stick's edges from the line between two of its points, as far as they are seen.
+
+    They are looked for in the picture reduced by ``scale``, in which they are as sharp as in a small one.
+    """
+    small = cv2.resize(luma, None, fx=1.0 / scale, fy=1.0 / scale, interpolation=cv2.INTER_AREA)
+    ends = [((x + 0.5) / scale - 0.5, (y + 0.5) / scale - 0.5) for x, y in (one, two)]
+    found = edges_beside_line(np.asarray(small, np.uint8), *ends, window_px=_known_px(scale) / scale)
+    return [scale * edge for edge in found]
+
+
+def _largest_px(luma: NDArray[np.uint8], hints: MarkerHints, stick: int, scale: float) -> float:
+    """Return the largest radius of a patch of a stick, px: within its edges, and apart from the other point's patch."""
+    one, two = ((x, y) for x, y in hints.position_px[2 * stick : 2 * stick + 2].tolist())
+    room_px = min([scale * _LARGEST_PX, 0.5 * math.dist(one, two), *_edges_px(luma, one, two, scale=scale)])
+    return max(_LARGEST_PX, room_px)
+
+
 def _check_texture(luma: NDArray[np.uint8], x: float, y: float, window_px: float, *, where: str) -> None:
     """Raise an error for a point around which the texture does not determine the position."""
     weakest, strongest = np.sqrt(_structure(luma, x, y, window_px) / (math.pi * window_px**2)).tolist()
-    if strongest < _SLOPE:
+    slope = _SLOPE / spacing_px(window_px)
+    if strongest < slope:
         raise NoResultError(
             "has no texture around it that could be followed",
             where=where,
             value=f"slope of {strongest:.2f} grey levels per px",
-            limit=f"{_SLOPE:g} or more within {window_px:g} px",
+            limit=f"{slope:.2g} or more within {window_px:.0f} px",
             do="choose a point with clear structure",
         )
-    if weakest < _SLOPE:
+    if weakest < slope:
         raise NoResultError(
             "lies on an edge or a line, along which the patch around it looks the same",
             where=where,
             value=f"slope of {weakest:.2f} grey levels per px along it",
-            limit=f"{_SLOPE:g} or more in every direction within {window_px:g} px",
+            limit=f"{slope:.2g} or more in every direction within {window_px:.0f} px",
             do="choose a corner, a crossing or a blot",
         )
 
@@ -154,9 +194,10 @@ def _structure(luma: NDArray[np.uint8], x: float, y: float, window_px: float) ->
     """Return the eigenvalues (2,), ascending, of the structure tensor: sums of squared gradients, grey levels²."""
     half = int(window_px)
     cx, cy = round(x), round(y)
-    margin = half + round(3.0 * _STRUCTURE_PX)
+    blur_px = _STRUCTURE * spacing_px(window_px)
+    margin = half + round(3.0 * blur_px)
     part = cut_out(luma, cx, cy, margin).astype(np.float32)
-    soft = np.asarray(cv2.GaussianBlur(part, (0, 0), _STRUCTURE_PX), dtype=np.float64)
+    soft = np.asarray(cv2.GaussianBlur(part, (0, 0), blur_px), dtype=np.float64)
     v, u = np.mgrid[-margin : margin + 1, -margin : margin + 1]
     inside = np.hypot(u, v) <= half
     down, right = (np.asarray(axis)[inside] for axis in np.gradient(soft))

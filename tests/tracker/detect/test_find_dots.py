@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -60,6 +61,15 @@ def test_the_four_markers_are_found(name: str) -> None:
     # Inner markers first; five sigmas of the faintest case (σ/C = 0.09, r = 5) and the shift of a circle's centre
     # seen from aside.
     assert np.hypot(*(found - truth).T).max() < 0.3
+
+
+def test_the_rim_of_a_dot_in_a_soft_large_picture_is_inside_its_window() -> None:
+    rig = replace(CASES["very large"], half_width_px=60.0)
+    sticks = sticks_in(cv2.GaussianBlur(next(rig.pictures()), (0, 0), 3.5))
+    assert sticks is not None
+    dots = [dot for stick in sticks for dot in (stick.inner, stick.outer)]
+    # Two standard deviations: without its rim a dot that has moved is not found again.
+    assert min(dot.window_px - dot.radius_px - 2.0 * dot.edge_px for dot in dots) > 0.0
 
 
 def test_a_picture_without_markers_has_none() -> None:

@@ -78,6 +78,16 @@ def test_a_stick_that_is_narrower_than_its_patches_is_not_drawn_by_the_ground_be
     assert np.nanmax(np.abs(error)) < np.rad2deg(np.sqrt(2.0) * 0.2 / (OUTER - INNER))
 
 
+def test_the_same_film_in_a_large_picture_has_the_same_angles(tmp_path: Path) -> None:
+    # Between two frames the outer point moves by up to 31 px, of the larger film by 92, and turns round three times.
+    made = film(angle_deg=lambda t: 60.0 + 75.0 * np.sin(7.0 * t), frames=40)
+    (small, _), (large, _) = (
+        tracked(replace(made, enlarged=times), tmp_path / f"{times}.mp4", codec="libx264") for times in (1, 3)
+    )
+    assert np.isfinite([small, large]).all()
+    assert np.std(large) < 1.3 * np.std(small)
+
+
 def test_seen_from_aside(tmp_path: Path) -> None:
     made = film(angle_deg=lambda t: 100.0 + 60.0 * (1.0 - np.cos(3.0 * t)), tilt_deg=30.0, frames=50)
     error, result = tracked(made, tmp_path / "film.mkv")
