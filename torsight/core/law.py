@@ -164,15 +164,15 @@ def smooth_between(nodes: Floats, values: Floats) -> tuple[Floats, Floats]:
 
 
 @functools.lru_cache(maxsize=256)
-def _spline(nodes: bytes, finer: int = 8) -> tuple[Floats, Floats]:
+def _spline(nodes: bytes) -> tuple[Floats, Floats]:
     """Return points (m,) between nodes, and the matrix (m, k) from the nodes' values to the spline's values there.
 
-    ``finer`` points per gap between nodes reduce the error of linear interpolation to a sixty-fourth.
+    Eight points per gap between nodes reduce the error of linear interpolation to a sixty-fourth.
     """
     # Imported here: commands without a law need neither it nor scipy.optimize, which it imports.
     from scipy.interpolate import CubicSpline
 
-    at = np.frombuffer(nodes)
+    at, finer = np.frombuffer(nodes), 8
     gaps = np.arange(finer * (len(at) - 1) + 1) / finer
     places = np.interp(gaps, np.arange(len(at)), at)
     return places, np.asarray(CubicSpline(at, np.eye(len(at)), bc_type="natural")(places))

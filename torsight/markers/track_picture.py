@@ -104,10 +104,10 @@ def _why(result: TrackResult, index: int) -> str:
     return ", ".join(f"{states.count(state)} {state}" for state in bad) or "impossible length"
 
 
-def _view(result: TrackResult, *, shape: float = 4.0 / 3.0) -> tuple[int, int, int, int]:
+def _view(result: TrackResult) -> tuple[int, int, int, int]:
     """Return the part of the picture that holds all positions of all markers, with a margin.
 
-    ``shape`` is its width over its height, where the picture is large enough; a part beyond its border is moved inside.
+    It is four wide to three high, where the picture is large enough; a part beyond its border is moved inside.
     """
     width, height = result.tracks.size_px
     rivals = [point for one in result.report["markers"].get("rivals", []) for point in (*one["base"], *one["moving"])]
@@ -118,6 +118,7 @@ def _view(result: TrackResult, *, shape: float = 4.0 / 3.0) -> tuple[int, int, i
     low, high = places.min(axis=0), places.max(axis=0)
     room = max(0.15 * float((high - low).max()), 4.0 * float(result.report["markers"]["radius_px"]))
     wide, tall = (high - low + 2.0 * room).tolist()
+    shape = 4.0 / 3.0
     wide, tall = min(max(wide, shape * tall), float(width)), min(max(tall, wide / shape), float(height))
     left = min(max(0, round(0.5 * (low[0] + high[0] - wide))), width - round(wide))
     top = min(max(0, round(0.5 * (low[1] + high[1] - tall))), height - round(tall))

@@ -115,14 +115,15 @@ def law_entity(name: str) -> str:
     return f"laws/{re.sub('[^a-z0-9_]+', '_', name.lower()).strip('_')}"
 
 
-def _view_range(span_s: tuple[float, float] | None, *, live_s: float = 120.0, legend: float = 0.3) -> rrb.TimeRange:
-    """Return the range of the curves: a record's, or ``live_s`` before the cursor.
+def _view_range(span_s: tuple[float, float] | None) -> rrb.TimeRange:
+    """Return the range of the curves: a record's, or two minutes before the cursor.
 
     To the right is room for the legends, as a share of the range: of a pane of 770 px, six tenths of the window,
     0.3 / 1.3 or 177 px. The longest name has 21 letters of 7 px, and its line takes 30.
     """
     import rerun.blueprint as rrb
 
+    live_s, legend = 120.0, 0.3
     if span_s is None:
         return rrb.TimeRange(
             start=rrb.TimeRangeBoundary.cursor_relative(seconds=-live_s),

@@ -5,8 +5,8 @@ r"""The stress-induced martensite ends: a spring that is wound far stiffens.
 θ a spring's own winding, θ_on winding at which stiffening begins (°), k_3 in mN·m/rad³ with R = 100°, p exponent (3:
 the usual cubic; 1: a third slope); the torque is added to that of either spring's phase. Its slope is limited to
 austenite's stiffness, which no spring exceeds. A share w of it belongs to the loading curve (p = 1: a third slope of
-this curve), so that the spring unwinds along K_M; the recoverable angle follows that part by a share f (1: what is
-unwound below it remains, 0: as without stiffening). Predicted residual: stroke is lost at both ends, equally in both
+this curve), so that the spring unwinds along K_M; of that part the recoverable angle, which remains after unwinding,
+follows a share f (0: it is as without stiffening). Predicted residual: stroke is lost at both ends, equally in both
 directions. Source: the paper, section 4.1, step 2; end of detwinning, e.g. Lagoudas, Shape Memory Alloys (2008), ch. 1.
 """
 

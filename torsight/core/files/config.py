@@ -66,22 +66,37 @@ def is_number(value: Any) -> bool:
         return False
 
 
-def get_whole(table: Mapping[str, Any], key: str, *, where: str, default: int | None = None, **bounds: Any) -> int:
-    """Return a whole number within the bounds of :func:`get_number`."""
-    value = get_number(table, key, where=where, default=default, **bounds)
+def get_whole(
+    table: Mapping[str, Any],
+    key: str,
+    *,
+    where: str,
+    default: int | None = None,
+    lower: float = -math.inf,
+    upper: float = math.inf,
+) -> int:
+    """Return a whole number within [lower, upper]."""
+    value = get_number(table, key, where=where, default=default, lower=lower, upper=upper)
     if value != int(value):
         raise ConfigError(f"'{key}' is no whole number", where=where, value=f"{value:g}")
     return int(value)
 
 
 def get_numbers(
-    table: Mapping[str, Any], key: str, count: int, *, where: str, default: Sequence[float] | None = None, **bounds: Any
+    table: Mapping[str, Any],
+    key: str,
+    count: int,
+    *,
+    where: str,
+    default: Sequence[float] | None = None,
+    lower: float = -math.inf,
+    upper: float = math.inf,
 ) -> tuple[float, ...]:
-    """Return a list of ``count`` finite numbers, each within the bounds of :func:`get_number`."""
+    """Return a list of ``count`` finite numbers, each within [lower, upper]."""
     value = table.get(key, default)
     if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != count:
         raise ConfigError(f"'{key}' is not a list of {count} numbers", where=where, value=repr(value))
-    return tuple(get_number({key: item}, key, where=where, **bounds) for item in value)
+    return tuple(get_number({key: item}, key, where=where, lower=lower, upper=upper) for item in value)
 
 
 def get_switch(table: Mapping[str, Any], key: str, *, where: str) -> bool:

@@ -291,7 +291,7 @@ def _plain_numbers(data: Mapping[str, NDArray[Any]]) -> bool:
     return names_are_plain and same and all(array.ndim == 1 and array.dtype.kind in "iuf" for array in data.values())
 
 
-def _write_numbers(file: TextIO, data: Mapping[str, NDArray[Any]], *, clock: str, block: int = 4096) -> None:
+def _write_numbers(file: TextIO, data: Mapping[str, NDArray[Any]], *, clock: str) -> None:
     """Write numeric columns as CSV, in blocks of rows: lists are faster than single numbers, and memory stays small.
 
     Eight columns of 120,000 rows take a quarter of a second with 64 rows as with 65,536, which need 40 MB more.
@@ -300,7 +300,7 @@ def _write_numbers(file: TextIO, data: Mapping[str, NDArray[Any]], *, clock: str
     formats = {name: "%.10g" if array.dtype.kind == "f" else "%d" for name, array in data.items()}
     if formats.get(clock) == "%.10g":
         formats[clock] = _clock_format(data[clock])
-    row = ",".join(formats.values()) + "\n"
+    row, block = ",".join(formats.values()) + "\n", 4096
     for first in range(0, len(next(iter(data.values()))), block):
         rows = zip(*(array[first : first + block].tolist() for array in data.values()), strict=True)
         file.write("".join([row % values for values in rows]).replace("nan", ""))

@@ -50,12 +50,13 @@ class Sight:
         intrinsics: Intrinsics,
         *,
         shared_px2: Floats | None = None,
-        **pose: Floats,
+        rotation: Floats | None = None,
+        shift: Floats | None = None,
     ) -> Sight:
         """Return the sights of a camera at pixel positions (n, 2, 2).
 
         ``covariance_px2`` (n, 2, 2, 2) is each marker's own covariance; ``shared_px2`` (n,) is the variance along each
-        axis of an error that both markers share, such as that of a camera that moved; ``pose`` is rotation and shift.
+        axis of an error that both markers share, such as that of a camera that moved.
         """
         ray, slope = ray_from_pixel(position_px, intrinsics)
         seen = np.asarray(np.isfinite(ray).all(axis=-1))
@@ -69,7 +70,9 @@ class Sight:
         if shared_px2 is not None:
             both = slope.reshape(-1, 4, 2)
             covariance += shared_px2[:, None, None] * (both @ np.swapaxes(both, -1, -2))
-        return cls(ray, covariance, **pose)
+        return cls(
+            ray, covariance, np.eye(3) if rotation is None else rotation, np.zeros(3) if shift is None else shift
+        )
 
     @cached_property
     def seen(self) -> Flags:

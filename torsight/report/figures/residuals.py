@@ -163,8 +163,9 @@ def branches(curves: pd.DataFrame) -> dict[str, Flags]:
     return {name: branch for name, branch in found.items() if branch.any()}
 
 
-def bin_means(x: Floats, y: Floats, *, bins: int = 25) -> tuple[Floats, Floats]:
+def bin_means(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     """Return centre and mean of evenly spaced bins; NaN where a bin holds too few of the samples."""
+    bins = 25
     count, edges = np.histogram(x, bins)
     total, _ = np.histogram(x, bins, weights=y)
     enough = count > 0.05 * len(x) / bins  # a twentieth of a bin's samples if all bins were filled evenly
