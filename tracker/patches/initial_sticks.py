@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 import cv2
@@ -71,8 +72,9 @@ def _texture_stick(first: Frame, hints: MarkerHints, stick: int) -> TextureStick
     assert first.luma is not None  # noqa: S101 - for the type checker: a first frame has a picture
     indices = (2 * stick, 2 * stick + 1)
     wheres = [f"{hints.where}, {MARKERS[index].replace('_', ', ')} marker" for index in indices]
-    given = [(float(x), float(y)) for x, y in hints.position_px[list(indices)]]
-    found = [_patch_at(first.luma, hints, stick, at, where=where) for at, where in zip(given, wheres, strict=True)]
+    given = _points(hints, stick)
+    room = _room(first.luma, hints, stick)
+    found = [_patch_at(first.luma, room, at, where=where) for at, where in zip(given, wheres, strict=True)]
     ((x1, y1), one), ((x2, y2), two) = found
     points, patches, offset_px = [(x1, y1), (x2, y2)], [one, two], (x2 - x1, y2 - y1)
     window_px = min(one.half_px, two.half_px)
@@ -90,32 +92,57 @@ def _texture_stick(first: Frame, hints: MarkerHints, stick: int) -> TextureStick
     return TextureStick(patches, points, search, still=stick == 0, half_px=half_px)
 
 
-def _patch_at(
-    luma: NDArray[np.uint8], hints: MarkerHints, stick: int, point: Point, *, where: str
-) -> tuple[Point, Patch]:
+@dataclass(frozen=True, slots=True)
+class _Room:
+    """Room for the patches of a stick: largest radius, and the other stick's points and edges; None for a tag's.
+
+    Around these points the picture is known to show the other stick up to ``known_px``.
+    """
+
+    largest_px: float
+    known_px: float
+    other: tuple[Point, Point] | None
+    edges_px: list[float]
+
+
+def _room(luma: NDArray[np.uint8], hints: MarkerHints, stick: int) -> _Room:
+    own, other = (_points(hints, one) for one in (stick, 1 - stick))
+    scale = _scale(hints)
+    room_px = min([scale * _LARGEST_PX, 0.5 * math.dist(*own), *_edges_px(luma, *own, scale=scale)])
+    # The place of a tag is not known yet.
+    alone = math.isnan(other[0][0])
+    return _Room(
+        largest_px=max(_LARGEST_PX, room_px),
+        known_px=_known_px(scale),
+        other=None if alone else other,
+        edges_px=[] if alone else _edges_px(luma, *other, scale=scale),
+    )
+
+
+def _points(hints: MarkerHints, stick: int) -> tuple[Point, Point]:
+    one, two = ((float(x), float(y)) for x, y in hints.position_px[2 * stick : 2 * stick + 2])
+    return one, two
+
+
+def _patch_at(luma: NDArray[np.uint8], room: _Room, point: Point, *, where: str) -> tuple[Point, Patch]:
     """Return the patch around a point of a stick, and the point: of a round spot the middle, which is what is seen."""
-    window_px = _window_px(luma, hints, stick, point, where=where)
+    window_px = _window_px(luma, room, point, where=where)
     middle = round_spot(luma, *point, window_px=window_px)
     if middle is not None:
-        point, window_px = middle, _window_px(luma, hints, stick, middle, where=where)
+        point, window_px = middle, _window_px(luma, room, middle, where=where)
     patch = texture_patch(luma, *point, window_px=window_px, freedom=6 if middle is None else 2)
     _check_texture(luma, *point, patch.half_px, where=where)
     return point, patch
 
 
-def _window_px(luma: NDArray[np.uint8], hints: MarkerHints, stick: int, point: Point, *, where: str) -> float:
+def _window_px(luma: NDArray[np.uint8], room: _Room, point: Point, *, where: str) -> float:
     """Return the radius of the largest patch around a point for which there is room: it shows its own stick alone."""
-    (x, y), (height, width) = point, luma.shape
-    one, two = ((x, y) for x, y in hints.position_px[2 - 2 * stick : 4 - 2 * stick].tolist())
-    # The place of a tag is not known yet.
-    alone = math.isnan(one[0])
-    scale = _scale(hints)
-    edges_px = [] if alone else _edges_px(luma, one, two, scale=scale)
+    (x, y), (height, width), edges_px = point, luma.shape, room.edges_px
     apart_px = math.inf
-    if not alone:
+    if room.other is not None:
         # Without edges no bar is known to join the other points.
-        apart_px = to_strip(point, one, two, 0.0) if edges_px else min(math.dist(point, one), math.dist(point, two))
-    width_px = min(edges_px, default=_known_px(scale))
+        apart_px = to_strip(point, *room.other, 0.0) if edges_px else min(math.dist(point, at) for at in room.other)
+    width_px = min(edges_px, default=room.known_px)
     if apart_px - width_px < _SMALLEST_PX - 2.0:
         other = "the line through the other stick's markers" if edges_px else "a marker of the other stick"
         raise NoResultError(
@@ -125,8 +152,7 @@ def _window_px(luma: NDArray[np.uint8], hints: MarkerHints, stick: int, point: P
             limit=f"{width_px + _SMALLEST_PX - 2.0:.0f} px or more in the first frame",
             do="choose a point further out, or start filming with the sticks apart",
         )
-    largest_px = _largest_px(luma, hints, stick, scale)
-    window_px: float = min(largest_px, x - 2.0, y - 2.0, width - 3.0 - x, height - 3.0 - y, apart_px - width_px)
+    window_px: float = min(room.largest_px, x - 2.0, y - 2.0, width - 3.0 - x, height - 3.0 - y, apart_px - width_px)
     if window_px < _SMALLEST_PX - 2.0:
         raise NoResultError(
             "lies too close to the border of the picture",
@@ -159,13 +185,6 @@ def _edges_px(luma: NDArray[np.uint8], one: Point, two: Point, *, scale: float) 
     ends = [((x + 0.5) / scale - 0.5, (y + 0.5) / scale - 0.5) for x, y in (one, two)]
     found = edges_beside_line(np.asarray(small, np.uint8), *ends, window_px=_known_px(scale) / scale)
     return [scale * edge for edge in found]
-
-
-def _largest_px(luma: NDArray[np.uint8], hints: MarkerHints, stick: int, scale: float) -> float:
-    """Return the largest radius of a patch of a stick, px: within its edges, and apart from the other point's patch."""
-    one, two = ((x, y) for x, y in hints.position_px[2 * stick : 2 * stick + 2].tolist())
-    room_px = min([scale * _LARGEST_PX, 0.5 * math.dist(one, two), *_edges_px(luma, one, two, scale=scale)])
-    return max(_LARGEST_PX, room_px)
 
 
 def _check_texture(luma: NDArray[np.uint8], x: float, y: float, window_px: float, *, where: str) -> None:
