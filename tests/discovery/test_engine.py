@@ -91,6 +91,16 @@ def test_values_of_which_a_record_says_nothing_do_not_hide_that_others_are_pulle
     assert pulled(40) == pytest.approx(pulled(0), abs=0.01)
 
 
+def test_values_of_a_law_do_not_count_as_pulled() -> None:
+    """The size of a law's prior follows the record: what its values cost is no sign that something else is missing."""
+    s = signals()
+    extra = 0.4 * s["speed"] + 0.5 * np.sin(2.0 * np.pi * s["position"] / 0.3)
+    made = machine(extra, seed=7, tau=1.0, sigma=0.06)
+    held = (Parameter("gain", 2.0, "", sigma=0.1), Parameter("offset", 1.0, "", sigma=0.1))
+    found = find_missing(replace(made, parameters=held, candidates=())).field.explanations["position",]
+    assert found.pulled == pytest.approx(0.5 * (outlier_cost(np.array(4.0)) - 2.0), abs=1.0)
+
+
 def test_effects_that_the_record_cannot_tell_apart_are_both_told() -> None:
     s = signals()
     candidates = usual_candidates()

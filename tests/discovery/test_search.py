@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import pytest
-from linear_cases import LENGTH, machine, noise, signals
+from linear_cases import BLOCKS, LENGTH, machine, noise, signals
 
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import actuator_from
@@ -346,6 +346,30 @@ def test_another_form_of_a_law_is_tried_beside_what_was_found_with_the_law() -> 
     assert abs(found["step",].fit.values["at_s"] - 700.0) > 50.0
     for members in [("position", "step"), ("spring", "step")]:
         assert found[members].fit.values["at_s"] == pytest.approx(700.0, abs=10.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Late(LinearProblem):
+    """A machine with a steep flank in the middle of each block, read by a late clock or a late sensor."""
+
+    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> np.ndarray:
+        late_s = values["clock_s"] + (values["lag_s"] if "lag" in effects else 0.0)
+        return values["offset"] + np.tanh(self.time_s % LENGTH - 0.5 * LENGTH - late_s)
+
+
+def test_an_effect_promises_the_return_of_a_value_that_made_up_for_it() -> None:
+    """From the effect's own start, with the value still off, a linear model misses the flanks altogether."""
+    parts = {field.name: getattr(machine(0.0), field.name) for field in fields(LinearProblem)}
+    clock = Parameter("clock_s", 0.0, "s", sigma=0.5)
+    lag = Candidate("lag", "sensor", (Parameter("lag_s", 20.0, "s", null=0.0),), scales={"lag_s": clock.sigma})
+    parts |= {"parameters": (Parameter("offset", 0.0, ""), clock), "candidates": (lag,), "drivers": {}}
+    read = _Late(**parts).predict({"offset": 1.0, "clock_s": 0.0, "lag_s": 3.0}, ["lag"])
+    problem = _Late(**{**parts, "observed": read + noise(3, size=0.05, tau=1.0)})
+    fitter = Fitter(problem, Weight.of(np.full(LENGTH * BLOCKS, 1.0 / 0.05**2)))
+    plain = fitter.base()
+    off = plain.values["clock_s"] / clock.sigma
+    assert off == pytest.approx(6.0, rel=0.1)
+    assert fitter.promise(plain, "lag") == pytest.approx(off**2, rel=0.1)
 
 
 @dataclass(frozen=True, eq=False)

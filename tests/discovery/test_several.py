@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import tomli_w
 
+from torsight.actuator.drive import Drive
 from torsight.actuator.effects import load_effects
 from torsight.actuator.fitted import read_model
 from torsight.actuator.laws import laws_of
@@ -22,6 +23,7 @@ from torsight.cli.main import main
 from torsight.core.errors import ConfigError, InputError
 from torsight.core.files.storage import read_table, write_json
 from torsight.core.files.tables import write_merged
+from torsight.core.law import Law
 from torsight.core.records import SyncedTable
 from torsight.core.units import DEG
 from torsight.discovery.actuator.several import SeveralRecords
@@ -49,7 +51,7 @@ def record(number: int, effects: Mapping[str, Any] | None = None, *, tau_c_mnm: 
         "rig": {"as_declared": True, "true": {"tau_c_mnm": tau_c_mnm}},
         "protocol": {"half_cycle": half_cycles},
         "sticks": {"offset_deg": ZEROS_DEG[number]},
-        "effects": effects or {"viscous_friction": {VISCOUS: TRUE}},
+        "effects": {"viscous_friction": {VISCOUS: TRUE}} if effects is None else effects,
     }
     return make_record(scene, seed=5 + number, rate_hz=1.0).table
 
@@ -249,12 +251,56 @@ def test_clocks_are_each_records_own_and_known_as_well_as_they_were_put_together
     assert {"clock_offset_s_2", "zero_deg_2", "home_hold_2", "slip_deg_2"} <= set(problem.once)
 
 
-def test_laws_span_what_the_records_cover_together_and_none_is_of_time(problem: SeveralRecords) -> None:
+def test_a_law_of_time_is_a_function_of_its_own_in_every_record(problem: SeveralRecords) -> None:
+    joint = {law.id: law for law in problem.laws}
+    of_time = [law for law in joint.values() if law.driver == "time_s"]
+    assert {law.id for law in of_time} >= {"reading_time_s", "winding_time_s", "temperature_time_s"}
+    # The clock of one record is known, and with it the offset of the other is an effect that every fit has.
+    assert "clock_time_s" not in joint
+    law = joint["reading_time_s"]
+    first, second = ({one.id: one for one in laws_of(part.drive, 0.79)}[law.id] for part in problem.parts)
+    count = len(first.nodes)
+    assert len(law.nodes) == count + len(second.nodes)
+    assert all(not kernel.matrix[:count, count:].any() for kernel in law.kernels)
+    drifting = problem.with_laws([law.free()])
+    values = {p.name: p.value for p in problem.parameters}
+    curve = np.concatenate([np.zeros(count), np.linspace(0.0, 2.0, len(second.nodes))])
+    moved = drifting.predict(values | dict(zip(law.free().names, curve, strict=True)), [law.id])
+    moved -= problem.predict(values, [])
+    rows = problem.rows_of(1)
+    assert not np.any(moved[problem.rows_of(0)])
+    drive_s = problem.parts[1].drive.time_s
+    assert moved[rows] == pytest.approx(2.0 * (problem.parts[1].time_s - drive_s[0]) / np.ptp(drive_s))
+
+
+def test_a_drift_in_every_record_is_found_and_written_for_each(
+    spec: ActuatorSpec,
+) -> None:
+    slopes_deg = (1.5, -2.5)
+    drifted = []
+    for k, slope_deg in enumerate(slopes_deg):
+        table = record(k, {})
+        share = (table.time_s - table.time_s[0]) / np.ptp(table.time_s)
+        drifted.append(replace(table, angle_rad=table.angle_rad + slope_deg * share * DEG))
+    with few_effects("marker_slip"), pytest.MonkeyPatch.context() as patch:
+        patch.setattr("torsight.discovery.actuator_problem.laws_of", drift_alone)
+        found = discover_together(drifted, spec, names=["monday", "tuesday"])
+    assert [(law.id, law.record) for law in found.laws] == [("reading_time_s", "monday"), ("reading_time_s", "tuesday")]
+    for law in found.laws:
+        slope_deg = slopes_deg[("monday", "tuesday").index(law.record)]
+        assert law.value[-1] - law.value[0] == pytest.approx(slope_deg, abs=0.4)
+        assert law.sentence.startswith(f"in {law.record}, the reading's error")
+    assert len({law.csv_name for law in found.laws}) == len(slopes_deg)
+
+
+def drift_alone(drive: Drive, tau_c_mnm: float) -> tuple[Law, ...]:
+    """Return the law of a drift."""
+    return tuple(law for law in laws_of(drive, tau_c_mnm) if law.id == "reading_time_s")
+
+
+def test_laws_span_what_the_records_cover_together(problem: SeveralRecords) -> None:
     joint = {law.id: law for law in problem.laws}
     alone = [{law.id: law for law in laws_of(part.drive, 0.79)} for part in problem.parts]
-    of_time = {"clock_time_s", "reading_time_s", "winding_time_s"}
-    of_time |= {"temperature_time_s", "temperature_a_time_s", "temperature_b_time_s"}
-    assert {law for laws in alone for law in laws} - set(joint) == of_time
     for name in ("friction_angle_rate_deg_s", "temperature_temp_rate_c_s", "torque_angle_deg"):
         reach = max(laws[name].covered[1] for laws in alone)
         assert joint[name].covered[1] == pytest.approx(reach, rel=0.1)

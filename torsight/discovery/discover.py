@@ -23,7 +23,7 @@ from torsight.core.series import rms, share_explained
 from torsight.core.units import DEG, Floats, Ints
 from torsight.core.words.wording import CONTRADICTED_SIGMAS, contradicted, unexplained
 from torsight.discovery.actuator.curves import curve_columns
-from torsight.discovery.actuator.law_tables import measured_laws
+from torsight.discovery.actuator.law_tables import Acting, measured_laws
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.design.next_experiment import NEEDED_GAIN, NextExperiment, next_experiment
 from torsight.discovery.inference.engine import Findings, law_shares
@@ -86,16 +86,15 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress
     before, after = errors_of(problem, base, findings.before), errors_of(problem, chosen, findings.after)
     account = {"found_by": "discovery", **after.to_json()}
     others = [(model_of(problem, other), part) for other, part in findings.decision.shared]
-    of_time_deg = _of_time_deg(problem, chosen)
-    motion_deg, rest_deg = (hypot(left_deg, of_time_deg) for left_deg in held_out_error_deg(findings))
     reading_deg = single_reading_deg(problem, chosen, findings.field.stretches)
-    left = (motion_deg, rest_deg)
+    left = left_deg(findings, problem, chosen)
     doubt = doubt_of(chosen.fit.parameters, predictive_covariance(chosen), left, others, reading_deg=reading_deg)
     model = replace(model_of(problem, chosen), account=account, doubt=doubt)
     blocks = () if findings.before is None else tuple(label for label, _ in findings.before.folds)
     floor = noise_floor(problem, chosen, findings.field.stretches)
+    laws = [Acting("", problem, item) for item in chosen.laws]
     return DiscoveryReport(
-        **decided(problem, findings, records=[problem], seed=seed),
+        **decided(problem, findings, records=[problem], laws=laws, seed=seed),
         before=before,
         after=after,
         held_out=blocks,
@@ -111,13 +110,14 @@ def decided(
     findings: Findings,
     *,
     records: Sequence[ActuatorProblem],
+    laws: Sequence[Acting],
     seed: int,
     effect_of: Callable[[str], str] = str,
 ) -> dict[str, Any]:
     """Return the members of a report that follow from the decision, on one record or on several.
 
-    The first of the ``records`` gives the rig's exact values and the range in which laws are shown; ``effect_of`` maps
-    a candidate to its effect where that has another id.
+    The first of the ``records`` gives the rig's exact values; ``laws`` are the measured ones on the records on which
+    they act; ``effect_of`` maps a candidate to its effect where that has another id.
     """
     record = records[0]
     field, decision = findings.field, findings.decision
@@ -141,7 +141,7 @@ def decided(
         ),
         "evidence": evidence_of(findings),
         "covariance": covariance(chosen),
-        "laws": measured_laws(record, chosen, law_shares(field, chosen), names),
+        "laws": measured_laws(laws, chosen, law_shares(field, chosen), names),
     }
 
 
@@ -191,19 +191,23 @@ def doubt_of(
     )
 
 
-def held_out_error_deg(findings: Findings) -> tuple[float, float]:
-    """Return the discrepancy in motion and at rest on held-out half-cycles, degrees.
+def left_deg(findings: Findings, problem: ActuatorProblem, own: Explanation) -> tuple[float, float]:
+    """Return what a prediction lacks in motion and at rest, degrees: the discrepancy on held-out half-cycles.
+
+    Laws of time hold for no later time: what they explain in the last record, ``problem``, with the chosen explanation
+    as one of this record, ``own``, is added.
 
     The noise of readings and temperatures, and the uncertainty of the values in fits to the other half-cycles, are not
     part of the discrepancy: a prediction adds its own. Where no half-cycle was held out, it is the discrepancy of the
     fit, which is never less than the resolution.
     """
+    of_time_deg = _of_time_deg(problem, own)
     chosen, held_out = findings.decision.chosen, findings.after
     if held_out is None:
         sizes = chosen.likelihood.discrepancy(chosen.residual)
     else:
         sizes = replace(chosen.held_out_likelihood, least=0.0).discrepancy(np.nan_to_num(held_out.residual))
-    return float(sizes[MOTION]), float(sizes[REST])
+    return hypot(float(sizes[MOTION]), of_time_deg), hypot(float(sizes[REST]), of_time_deg)
 
 
 def _of_time_deg(problem: ActuatorProblem, chosen: Explanation) -> float:

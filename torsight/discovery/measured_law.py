@@ -77,6 +77,8 @@ class MeasuredLaw:
         Id of the law's family, as in ``alternatives``; empty in a file without it.
     way : str
         ``heating`` or ``cooling`` for a law of one of them, else empty.
+    record : str
+        Name of the record whose own a law of time is, where several were given; else empty.
     """
 
     effect: str | None
@@ -93,6 +95,7 @@ class MeasuredLaw:
     number: int = 1
     id: str = ""
     way: str = ""
+    record: str = ""
 
     @property
     def csv_name(self) -> str:
@@ -115,8 +118,8 @@ class MeasuredLaw:
 
     def to_json(self) -> dict[str, Any]:
         """Return the entry of ``laws`` in ``discovery.json``."""
-        own = {name: getattr(self, name) for name in _KEYS if name != "file"}
-        return {**own, "law": self.id, "way": self.way, "file": self.csv_name, "sentence": self.sentence}
+        own = {name: getattr(self, name) for name in (*_KEYS, "way", "record", "sentence") if name != "file"}
+        return {**own, "law": self.id, "file": self.csv_name}
 
     def table(self) -> dict[str, NDArray[np.generic]]:
         """Return the columns of the law's file."""
@@ -169,4 +172,5 @@ def _read_law(folder: Path, entry: Mapping[str, Any]) -> MeasuredLaw:
         sentence=str(entry.get("sentence") or ""),
         id=str(entry.get("law") or ""),
         way=str(entry.get("way") or ""),
+        record=str(entry.get("record") or ""),
     )

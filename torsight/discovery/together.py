@@ -14,6 +14,7 @@ from torsight.actuator.fit_result import require_motion
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.errors import ConfigError, require_kind
+from torsight.core.law import TIME
 from torsight.core.parallel.threads import one_thread
 from torsight.core.parameter import Estimate, estimates_to_json
 from torsight.core.progress import Progress, silent
@@ -21,6 +22,7 @@ from torsight.core.records import SyncedTable
 from torsight.core.series import rms
 from torsight.core.units import DEG, Floats
 from torsight.discovery.actuator.curves import curve_columns
+from torsight.discovery.actuator.law_tables import Acting
 from torsight.discovery.actuator.several import SeveralRecords
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.design.next_experiment import NEEDED_GAIN, NextExperiment, next_experiment
@@ -28,7 +30,7 @@ from torsight.discovery.discover import (
     decided,
     doubt_of,
     errors_of,
-    held_out_error_deg,
+    left_deg,
     model_of,
     noise_floor,
     single_reading_deg,
@@ -165,7 +167,8 @@ def single(joint: Explanation, record: int) -> Explanation:
         jacobian=solution.jacobian[rows][:, places],
     )
     fit, likelihood = Fit(effects, parameters, own), joint.likelihood.at(rows)
-    return Explanation(fitter, fit, joint.laws, likelihood, joint.log_evidence)
+    laws = tuple(several.own_law(measured, record) for measured in joint.laws)
+    return Explanation(fitter, fit, laws, likelihood, joint.log_evidence)
 
 
 def _places(problem: SeveralRecords, fit: Fit, record: int, names: Sequence[str]) -> list[int]:
@@ -192,7 +195,13 @@ def _report(
 ) -> JointReport:
     decision, last = findings.decision, len(problem.parts) - 1
     base, chosen = findings.field.plain, decision.chosen
-    shared = decided(problem, findings, records=problem.parts, seed=seed, effect_of=problem.effect_of)
+    acting = [
+        Acting(name if item.law.driver == TIME else "", problem.parts[k], problem.own_law(item, k))
+        for item in chosen.laws
+        for k, name in enumerate(names)
+        if k == 0 or item.law.driver == TIME
+    ]
+    shared = decided(problem, findings, records=problem.parts, laws=acting, seed=seed, effect_of=problem.effect_of)
     records = _records(problem, findings, shared["parameters"], names, progress=progress)
     before, after = _pooled(problem, [one.before for one in records]), _pooled(problem, [one.after for one in records])
     floor = _mean_square(problem, [one.noise_floor_deg for one in records])
@@ -204,7 +213,7 @@ def _report(
     doubt = doubt_of(
         view.fit.parameters,
         predictive_covariance(chosen)[np.ix_(places, places)],
-        held_out_error_deg(findings),
+        left_deg(findings, problem.parts[last], view),
         others,
         reading_deg=single_reading_deg(problem.parts[last], view, Stretches.of(problem.parts[last])),
     )

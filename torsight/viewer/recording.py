@@ -127,7 +127,8 @@ def laws_of(results: RunResults) -> dict[str, MeasuredLaw]:
 def _law_name(law: MeasuredLaw) -> str:
     unit = f" ({law.unit})" if law.unit else ""
     spring = "" if law.spring == "both" else f", spring {law.spring.upper()}"
-    return f"Law: {law.gives}{unit} against {variable_name(law.driver)}{spring}"
+    record = f", {law.record}" if law.record else ""
+    return f"Law: {law.gives}{unit} against {variable_name(law.driver)}{spring}{record}"
 
 
 def log_laws(stream: rr.RecordingStream, laws: Mapping[str, MeasuredLaw]) -> None:

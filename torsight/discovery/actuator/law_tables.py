@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
@@ -20,14 +20,23 @@ from torsight.core.units import Flags, Floats
 from torsight.discovery.actuator.law_words import OnNodes, law_sentence
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.explanation import Explanation, joint_covariance, on_nodes
+from torsight.discovery.inference.law.measure import Measured
 from torsight.discovery.measured_law import MeasuredLaw, numbered
 
 _POINTS: Final = 121
 """Rows of a law's file: smooth to the eye over the width of a page."""
 
 
+class Acting(NamedTuple):
+    """A measured law, and the record on which it acts; ``record`` is empty where it acts on all of them."""
+
+    record: str
+    problem: ActuatorProblem
+    measured: Measured
+
+
 def measured_laws(
-    problem: ActuatorProblem, chosen: Explanation, shares: Mapping[str, float], names: Mapping[str, str]
+    laws: Sequence[Acting], chosen: Explanation, shares: Mapping[str, float], names: Mapping[str, str]
 ) -> tuple[MeasuredLaw, ...]:
     """Return the laws of an explanation, strongest first.
 
@@ -36,29 +45,31 @@ def measured_laws(
     """
     spread = joint_covariance(chosen)
     found = []
-    for item in chosen.laws:
-        law = item.law
+    for record, problem, measured in laws:
+        law = measured.law
         share = float(shares.get(law.id, 1.0))
-        known = _Known(law, *on_nodes(chosen, item.form, spread), names.get(law.id), share)
+        known = _Known(law, *on_nodes(chosen, measured.form, spread), names.get(law.id), share, record)
         in_steps = FAMILIES[law.id].nodes is phase_nodes
         found += _phase_laws(problem, chosen, known) if in_steps else [_law(problem, chosen, known)]
     found.sort(key=lambda one: -one[0].share)
-    laws = numbered([law for law, _ in found])
+    ranked = numbered([law for law, _ in found])
     tau_c_mnm = chosen.fit.values["tau_c_mnm"]
     return tuple(
-        replace(law, sentence=law_sentence(law, tau_c_mnm, known)) for law, (_, known) in zip(laws, found, strict=True)
+        replace(law, sentence=law_sentence(law, tau_c_mnm, known))
+        for law, (_, known) in zip(ranked, found, strict=True)
     )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Known:
-    """A law's values on its nodes (k,) and their covariance (k, k), its name and its share."""
+    """A law's values on its nodes (k,) and their covariance (k, k), its name, its share and its record."""
 
     law: Law
     values: Floats
     covariance: Floats
     name: str | None
     share: float
+    record: str
 
     @property
     def sigma(self) -> Floats:
@@ -84,6 +95,7 @@ class _Known:
             sentence="",
             id=law.id,
             way=way,
+            record=self.record,
         )
 
 

@@ -5,8 +5,8 @@ at its start (effects of the family ``start``), zero of the sticks, offset of th
 markers. Names of record 2, 3, … end in ``_2``, ``_3``, …; those of record 1 have no ending.
 
 Records are in the order in which they were made: the springs' cycles, on which effects and laws of fatigue depend, are
-counted through all records. Laws of time are left out: records do not share a time, and a law that runs through all of
-them would describe when they differ, but not why.
+counted through all records. Records do not share a time: a law of time is a function of its own in each of them, all of
+one size and smoothness.
 """
 
 from __future__ import annotations
@@ -23,17 +23,19 @@ from scipy.linalg import block_diag
 from torsight.actuator.drive import Drive
 from torsight.actuator.effects import load_effects
 from torsight.actuator.effects.clock_offset import EFFECT as CLOCK_OFFSET
+from torsight.actuator.laws import FAMILIES
 from torsight.actuator.ports import History
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.law import TIME, Law, LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.units import Floats, Ints
 from torsight.discovery.actuator_problem import ActuatorProblem
+from torsight.discovery.inference.law.measure import Measured
 from torsight.discovery.interface import Candidate, OptionalMembers, known_of
 
 ZERO: Final = "zero_deg"
 _SAMPLES: Final = ("time_s", "observed", "sigma", "valid", "block", "rest", "share", "drivers")
-_OF_THE_RECORDS: Final = ("_clocks", "_joined", "laws", *_SAMPLES)
+_OF_THE_RECORDS: Final = ("_clocks", "_joined", "_starts_s", "laws", *_SAMPLES)
 """Attributes that depend on the records alone, and are kept when other laws are tried on the same records."""
 
 
@@ -132,13 +134,60 @@ class SeveralRecords(OptionalMembers):
     @cached_property
     def laws(self) -> tuple[Law, ...]:
         """Laws that may be missing, over the range that any of the records covers."""
-        return tuple(law for law in self._joined.laws if law.driver != TIME)
+        shared = (law for law in self._joined.laws if law.driver != TIME)
+        own = ({law.id: law for law in part.laws if law.driver == TIME} for part in self.parts)
+        first, *others = own
+        return (*shared, *(self._of_each_time([law, *(one[name] for one in others)]) for name, law in first.items()))
+
+    def _of_each_time(self, each: Sequence[Law]) -> Law:
+        """Return one law of time for all records: their nodes one after the other, independent between records."""
+        kernels = (
+            replace(bank[0], matrix=np.asarray(block_diag(*(kernel.matrix for kernel in bank)), np.float64))
+            for bank in zip(*(law.kernels for law in each), strict=True)
+        )
+        nodes = np.concatenate([law.nodes + start for law, start in zip(each, self._starts_s, strict=True)])
+        return replace(each[0], nodes=nodes, kernels=tuple(kernels), covered=(nodes[0], nodes[-1]))
+
+    def own_form(self, form: LawForm, record: int) -> LawForm:
+        """Return a law's form as it acts on a record: for a law of time, the record's own nodes in its own time."""
+        if FAMILIES[form.id].driver != TIME:
+            return form
+        drive, start = self.parts[record].drive, self._starts_s[record]
+        ends = start + drive.time_s[0], start + drive.time_s[-1]
+        own = slice(np.searchsorted(form.nodes, ends[0]), np.searchsorted(form.nodes, ends[1], side="right"))
+        return replace(form, nodes=form.nodes[own] - start, basis=form.basis[own])
+
+    def own_law(self, measured: Measured, record: int) -> Measured:
+        """Return a measured law as it acts on a record: a law of time is the record's own, in its own time."""
+        if measured.law.driver != TIME:
+            return measured
+        law = next(law for law in self.parts[record].laws if law.id == measured.law.id)
+        return replace(measured, law=law, form=self.own_form(measured.form, record))
 
     def with_laws(self, forms: Sequence[LawForm]) -> SeveralRecords:
         """Return the problem with these forms of laws among its candidates."""
-        other = SeveralRecords(tuple(part.with_laws(forms) for part in self.parts), tuple(forms))
+        parts = (part.with_laws([self.own_form(form, k) for form in forms]) for k, part in enumerate(self.parts))
+        other = SeveralRecords(tuple(parts), tuple(forms))
         vars(other).update(known_of(self, _OF_THE_RECORDS))
         return other
+
+    @cached_property
+    def _idle(self) -> tuple[frozenset[str], ...]:
+        """Names of laws' coefficients that act on other records only, for every record."""
+        return tuple(
+            frozenset(
+                name
+                for form in part.forms
+                for name, used in zip(form.names, np.any(form.basis, axis=0).tolist(), strict=True)
+                if not used
+            )
+            for part in self.parts
+        )
+
+    @cached_property
+    def _starts_s(self) -> list[float]:
+        """Shift of each record's times so that they increase through all records, s."""
+        return _starts_s([part.drive for part in self.parts])
 
     def get_ready(self) -> None:
         """Compute the wires' temperatures behind slow sensors."""
@@ -169,8 +218,7 @@ class SeveralRecords(OptionalMembers):
     @cached_property
     def time_s(self) -> Floats:
         """Film times, those of later records shifted so that they increase."""
-        starts = _starts_s([part.drive for part in self.parts])
-        return np.concatenate([part.time_s + start for part, start in zip(self.parts, starts, strict=True)])
+        return np.concatenate([part.time_s + start for part, start in zip(self.parts, self._starts_s, strict=True)])
 
     @cached_property
     def block(self) -> Ints:
@@ -220,7 +268,7 @@ class SeveralRecords(OptionalMembers):
         once = frozenset(self.once)
         shared = {name: value for name, value in values.items() if name not in once}
         own = {name: values[own_name(name, record)] for name in self.own if own_name(name, record) in values}
-        return {**shared, **own}
+        return {**shared, **dict.fromkeys(self._idle[record] & shared.keys(), 0.0), **own}
 
     def joint_name(self, record: int, name: str) -> str:
         """Return the name, among the parameters of all records, of a parameter of a record's own model."""

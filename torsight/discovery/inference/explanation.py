@@ -23,7 +23,7 @@ from torsight.discovery.inference.laplace import ahead, residual_of
 from torsight.discovery.inference.law.measure import FURTHER, Bar, Measured
 from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.noise import Stretches
-from torsight.discovery.inference.priors import prior_cost
+from torsight.discovery.inference.priors import prior_cost, prior_cost_of
 from torsight.discovery.inference.validate import HeldOut, block_labels, held_out_by_refit
 from torsight.discovery.interface import Problem
 from torsight.discovery.weight import Weight
@@ -65,11 +65,6 @@ class Explanation:
         """Likelihood of the held-out residual: the uncertainty of a fold's values is an error that its block shares."""
         return replace(self.likelihood, shared=np.hstack([self.likelihood.shared, self.held_out.unsure]))
 
-    @cached_property
-    def prior(self) -> float:
-        """Cost of the distances of the set's values from their priors."""
-        return prior_cost(self.fitter.problem, self.fit)
-
     @property
     def members(self) -> EffectSet:
         """Ids of effects and laws, in alphabetical order."""
@@ -98,15 +93,18 @@ class Explanation:
 
     @cached_property
     def pulled(self) -> float:
-        """Excess of the priors' cost over its expected value, in log units.
+        """Excess of the base values' cost over its expected value, in log units.
 
         A value whose variance given the record is a share v of its prior variance costs 1 − v on average: one where
-        the record determines it, nothing where the prior alone does.
+        the record determines it, nothing where the prior alone does. A law's values do not count: the size of their
+        prior follows the record.
         """
-        sigma = space_of(self.fit.parameters).prior_sigma
-        held = np.isfinite(sigma)
-        known = 1.0 - np.diag(curvature_spread(self))[held] / sigma[held] ** 2
-        return 0.5 * max(0.0, self.prior - float(np.sum(known)))
+        base = len(self.fitter.problem.parameters)
+        space = space_of(self.fit.parameters[:base])
+        held = np.isfinite(space.prior_sigma)
+        known = 1.0 - np.diag(curvature_spread(self))[:base][held] / space.prior_sigma[held] ** 2
+        cost = prior_cost_of(space.prior_residual(self.fit.solution.x[:base]), base)
+        return 0.5 * max(0.0, cost - float(np.sum(known)))
 
     @property
     def promise(self) -> float:

@@ -240,12 +240,16 @@ class Fitter:
         return self.fit(effects, [self._switched_off(parent, name)], near=parent, follow=follow)
 
     def promise(self, parent: Fit, name: str) -> float:
-        """Return the decrease of the objective that the linear models at one more effect's starts predict."""
+        """Return the decrease of the objective that the linear models at one more effect's starts predict.
+
+        So does that at its null: far from it, where the parent's values have made up for the effect, the linear models
+        err by more than the effect gains.
+        """
         effects = self.ordered((*parent.effects, name))
         parameters, space, model = self.parameters(effects), self.space(effects), self._model(effects)
         given: dict[str, Any] = {"observed": self.problem.observed, "weight": self.weight, "space": space}
         least = parent.cost
-        for start in self._points(parent, name):
+        for start in (*self._points(parent, name), self.candidates[name].null_point()):
             values = {**parent.values, **start}
             guess, point = _columns(parent, parameters), np.array([values[p.name] for p in parameters])
             found = solve(model, point, max_iterations=0, guess=guess, rough=True, **given)
