@@ -12,6 +12,7 @@ import numpy as np
 
 from torsight.actuator.record.conditioning import Readings
 from torsight.actuator.record.smoother import Smoothed
+from torsight.core.parallel.threads import in_parallel
 from torsight.core.units import Floats, Ints
 
 Pair = tuple[Floats, Floats]
@@ -60,8 +61,7 @@ class Sensors:
 
     def get_ready(self) -> None:
         """Estimate the wires' temperatures for all time constants."""
-        for lag_s in LAG_GRID_S:
-            self._wires(lag_s)
+        in_parallel(LAG_GRID_S, self._wires)
 
     def lag_correction(self, spring: int, lag_s: float) -> Floats:
         """Return the difference (n,) of a wire's from its sensor's temperature at the kept rows, for a time constant.
