@@ -32,11 +32,11 @@ FILMS = (
     "slow, H.264 CRF 30",
 )
 CONSTANTS = {
-    "appearance/lucas_kanade": ("SHARP_PX",),
+    "appearance/lucas_kanade": ("SHARP_PX", "RATE"),
     "appearance/motion_blur": ("CLEAR", "_SLACK_UNKNOWN", "_SLACK_KNOWN"),
     "follow/camera_state": ("SHAKE_PX", "TURN_RAD", "OFF_CIRCLE"),
     "follow/judgement": ("_LENGTH", "CLOSE", "NEAR"),
-    "follow/learning": ("RATE", "_CHANGE_PX"),
+    "follow/learning": ("_CHANGE_PX",),
     "follow/motion_model": ("STALE", "JUMP", "_GROWTH"),
     "follow/reading": ("_DEVIATIONS", "_NEVER"),
     "follow/rotation_axis": ("STANDS_PX", "OFF_CIRCLE_PX"),
