@@ -34,6 +34,24 @@ def test_readings_come_back_out_of_a_table(interval_s, late_s):
     assert found_c == pytest.approx(np.interp(found_s, time_s, read), abs=1e-4)
 
 
+@pytest.mark.parametrize("late", ["by a tenth", "by half", "at random"])
+@pytest.mark.parametrize("interval_s", [2.0, 5.0])
+def test_a_log_with_uneven_intervals_is_known_as_well_as_is_stated(late, interval_s):
+    """A program that waits between its readings, or a logger that writes a row when something has changed."""
+    rng = np.random.default_rng(6)
+    count = int(890.0 / interval_s)
+    early = {"by a tenth": 0.1, "by half": 0.5}.get(late, 0.0) * rng.uniform(-1.0, 1.0, count)
+    random_s = np.cumsum(0.3 + rng.exponential(0.7, count))
+    time_s = np.sort(interval_s * (random_s if late == "at random" else np.arange(count) + early))
+    read = np.round(wire(np.maximum(time_s, 0.0)) + 0.05 * rng.standard_normal(count), 1)
+    rows_s = ROWS_S[slice(*np.searchsorted(ROWS_S, time_s[[0, -1]]))]
+    found = condition(rows_s, np.round(np.interp(rows_s, time_s, read), 5))
+    noise_c = np.hypot(0.05, 0.1 / np.sqrt(12.0))
+    assert noise_c < found.noise_c < 2.0 * noise_c
+    off = (found.temp_c - wire(rows_s)) / found.sigma_c
+    assert np.sqrt(np.mean(off**2)) < 1.5
+
+
 @pytest.mark.parametrize("noise_c", [0.0, 0.05])
 def test_rows_that_are_readings_stay(noise_c):
     noise = noise_c * np.random.default_rng(1).standard_normal(len(ROWS_S))

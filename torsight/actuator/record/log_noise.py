@@ -51,10 +51,10 @@ SHORTEST: Final = 16
 def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
     """Return the noise's standard deviation in °C and its correlation length in samples.
 
-    Third differences vanish for lines and parabolas; the robust scale of the differences is insensitive to corners.
-    Differences with a stride of s samples contain noise that is correlated over up to s samples. The correlation length
-    is estimated from the quieter parts of the log: a temperature that bends over a few strides would otherwise count as
-    noise with a long correlation.
+    Third differences vanish for lines and parabolas (divided differences do so for slow readings at any times); their
+    robust scale is insensitive to corners. Differences with a stride of s samples contain noise that is correlated over
+    up to s samples. The correlation length is estimated from the quieter parts of the log: a temperature that bends
+    over a few strides would otherwise count as noise with a long correlation.
     """
     if len(time_s) < 2:
         return 0.0, 1.0
@@ -63,14 +63,14 @@ def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
     strides = strides[len(temp_c) >= 3 * strides + 8]
     if not len(strides):
         return 0.0, 1.0
-    found = _noise_at(temp_c, strides)
+    found = _noise_at(time_s, temp_c, strides)
     digit = last_digit(temp_c)
     if found[0] > digit or not _is_stepped(temp_c, digit):
         return found
     # Most of the time the log is constant to its last digit, which hides its noise.
     moving = _without_rests(temp_c, 4 * longest)
     if found[0] <= NEGLIGIBLE_C < digit / math.sqrt(12.0):
-        noise, alike = _noise_at(moving, strides)
+        noise, alike = _noise_at(time_s, moving, strides)
         found = max(noise, digit / math.sqrt(12.0)), alike
     return max(found[0], _over_digits(moving, digit)), found[1]
 
@@ -90,8 +90,10 @@ def _over_digits(temp_c: Floats, digit_c: float) -> float:
     return rms(third[third <= 8.0 * digit_c + FINEST_C]) / difference_gain()
 
 
-def _noise_at(temp_c: Floats, strides: Ints) -> tuple[float, float]:
+def _noise_at(time_s: Floats, temp_c: Floats, strides: Ints) -> tuple[float, float]:
     """Return the noise's standard deviation and its correlation length, from differences with several strides (k,)."""
+    if strides[-1] == 1:
+        return float(np.nan_to_num(_scale(_divided(time_s, temp_c)[None])[0])), 1.0
     whole = _whole(temp_c, strides)
     # Parts with as many of the longest strides as a log must have rows.
     count = max(1, len(temp_c) // (SHORTEST * int(strides[-1])))
@@ -191,15 +193,28 @@ def _without_rests(temp_c: Floats, longest: int) -> Floats:
     return out
 
 
+def _divided(time_s: Floats, temp_c: Floats) -> Floats:
+    """Return the third divided differences (n − 3,) of readings, scaled as the differences of evenly spaced ones."""
+    at = np.stack([time_s[i : len(time_s) - 3 + i] for i in range(4)])
+    weight = np.stack([1.0 / np.prod([at[i] - at[j] for j in range(4) if j != i], axis=0) for i in range(4)])
+    weight *= difference_gain() / np.sqrt(np.sum(weight**2, axis=0))
+    return np.asarray(sum(weight[i] * temp_c[i : len(temp_c) - 3 + i] for i in range(4)))
+
+
 def _scatter(rows: Floats, stride: int) -> Floats:
-    """Return the standard deviation of a reading in each of many pieces (m, n) of a log (m,); NaN: not measurable.
+    """Return the standard deviation of a reading in each of many pieces (m, n) of a log (m,); NaN: not measurable."""
+    return _scale(differences(rows, stride))
+
+
+def _scale(rows: Floats) -> Floats:
+    """Return the standard deviation of a reading from each of many rows (m, n) of differences; NaN: not measurable.
 
     The median of rounded readings' differences is a multiple of the last digit. The M-estimate of scale with Tukey's
     biweight is a smooth function of the differences, so that it averages over their steps, and is as robust against
     outliers: constant from 1.547645 scales on, its breakdown point is one half, as that of a median (Rousseeuw and
     Yohai, in Robust and Nonlinear Time Series Analysis (1984) 256).
     """
-    size = np.abs(differences(rows, stride))
+    size = np.abs(rows)
     known = np.isfinite(size)
     scale, count = np.full(len(rows), np.nan), np.count_nonzero(known, axis=1)
     left = np.flatnonzero(count)

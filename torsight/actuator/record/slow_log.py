@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
+from scipy.special import bdtrc
 
 from torsight.actuator.record.log_noise import FINEST_C, NEGLIGIBLE_C, SHORTEST
 from torsight.actuator.record.turns import REVERSAL_C, turns_of
@@ -27,10 +28,10 @@ SLOW_S: Final = 1.0
 _ROUNDED_C: Final = 2e-5
 """Largest deviation of rows from their common line: tables are written with five decimals."""
 _OFF: Final = 0.15
-_REGULAR: Final = 0.9
-"""Readings are regular if the share ``_REGULAR`` of their distances are multiples of one interval to within the share
-``_OFF`` of it. Of points unrelated to a log's clock (corners of a log without noise) three in ten distances are: 16
-points pass in one of 10⁶ cases."""
+_UNRELATED: Final = 1e-6
+"""Readings are regular if most of their distances are multiples of one interval, to within the share ``_OFF`` of it,
+and so many that only one of 10⁶ sets of points unrelated to a log's clock (corners of a log without noise) has as many:
+of those three distances in ten are."""
 _LONGEST_HOLD_S: Final = 40.0
 """Prior of holds: half of all heatings are switched off at their top, the others are held, for times evenly distributed
 up to this value: a choice. With half and twice this value the error on later records with readings every 3 s is 0.75
@@ -48,19 +49,18 @@ def own_readings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats] | None
     times, temps, stands = _meetings(time_s, temp_c)
     if len(times) < SHORTEST:
         return None
-    apart_s = np.diff(times)
-    shortest_s = float(np.quantile(apart_s, 0.1))
-    steps = np.maximum(np.rint(apart_s / shortest_s), 1.0)
-    interval_s = float(np.median(apart_s / steps))
-    regular = np.mean(np.abs(apart_s - steps * interval_s) <= _OFF * interval_s) >= _REGULAR
-    # Rows no closer than the readings are the readings.
-    if not regular or round(interval_s / usual_step(time_s)) < 2:
+    interval_s = _common_interval_s(np.diff(times))
+    if interval_s is None and not _bend_by_noise(times, temps):
         return None
-    # Readings on one common line (at rest to the last digit) are not found as meetings: they lie evenly on the line.
-    ends = np.r_[time_s[0], times, time_s[-1]], np.r_[temp_c[0], temps, temp_c[-1]]
-    whole = np.maximum(np.rint(np.diff(ends[0]) / interval_s), 1.0).astype(np.int64)
-    number = np.concatenate([[0], np.cumsum(whole)])
-    wanted_s = np.interp(np.arange(number[-1] + 1), number, ends[0])
+    # Rows no closer than the readings are the readings.
+    if round((interval_s or float(np.median(np.diff(times)))) / usual_step(time_s)) < 2:
+        return None
+    wanted_s = np.r_[time_s[0], times, time_s[-1]]
+    if interval_s is not None:
+        # Readings on one common line (at rest to the last digit) are not found as meetings: they lie evenly on it.
+        whole = np.maximum(np.rint(np.diff(wanted_s) / interval_s), 1.0).astype(np.int64)
+        number = np.concatenate([[0], np.cumsum(whole)])
+        wanted_s = np.interp(np.arange(number[-1] + 1), number, wanted_s)
     if stands:
         wanted_c = temp_c[np.searchsorted(time_s, wanted_s + 0.5 * usual_step(time_s)) - 1]
         rows_c = wanted_c[np.searchsorted(wanted_s, time_s, side="right") - 1]
@@ -68,8 +68,39 @@ def own_readings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats] | None
         known_s, first = np.unique(np.r_[times, time_s], return_index=True)
         wanted_c = np.interp(wanted_s, known_s, np.r_[temps, temp_c][first])
         rows_c = np.interp(time_s, wanted_s, wanted_c)
+    missed = np.abs(rows_c - temp_c) > NEGLIGIBLE_C
+    if interval_s is None:
+        # Where two readings lie between the same two rows, the rows themselves say what there is to know.
+        known_s, first = np.unique(np.r_[wanted_s, time_s[missed]], return_index=True)
+        return known_s, np.r_[wanted_c, temp_c[missed]][first]
     # The corners of a programme without noise may be as even as readings: then rows between them do not follow.
-    return (wanted_s, wanted_c) if np.max(np.abs(rows_c - temp_c)) <= NEGLIGIBLE_C else None
+    return None if missed.any() else (wanted_s, wanted_c)
+
+
+def _common_interval_s(apart_s: Floats) -> float | None:
+    """Return the interval of which distances (n,) are multiples; None where they are not.
+
+    It is sought from the usual distance, and from a short one: where a log stands still, readings are not found.
+    """
+    found = []
+    for usual_s in np.quantile(apart_s, [0.5, 0.1]):
+        steps = np.maximum(np.rint(apart_s / usual_s), 1.0)
+        interval_s = float(np.median(apart_s / steps))
+        found.append((np.count_nonzero(np.abs(apart_s - steps * interval_s) <= _OFF * interval_s), interval_s))
+    regular, interval_s = max(found)
+    sure = 2 * regular > len(apart_s) and bdtrc(regular - 1, len(apart_s), 2.0 * _OFF) < _UNRELATED
+    return interval_s if sure else None
+
+
+def _bend_by_noise(time_s: Floats, temp_c: Floats) -> bool:
+    """Return whether points (n,) deviate from the lines between their neighbours as readings do, not as corners.
+
+    A programme with k corners on its way between its extremes deviates by 1/k of their distance or more at half of
+    these, and no programme of straight lines has a hundred.
+    """
+    share = (time_s[1:-1] - time_s[:-2]) / (time_s[2:] - time_s[:-2])
+    off_c = temp_c[1:-1] - temp_c[:-2] - share * (temp_c[2:] - temp_c[:-2])
+    return bool(np.median(np.abs(off_c)) < 0.01 * np.ptp(temp_c))
 
 
 class _Line(NamedTuple):
@@ -280,20 +311,21 @@ def _beside(slope: Floats, step: int) -> Floats:
 def _meetings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats, bool]:
     """Return times and temperatures at which straight lines of rows meet (on a row or between two rows).
 
-    Level lines do not meet: where most lines are level, every reading is repeated until the next, from its first row,
-    and the third value is true.
+    Where more than two rows in succession bend, each counts: two meetings lie among them. Level lines do not meet:
+    where most lines are level, every reading is repeated until the next, from its first row, and the third value is
+    true.
     """
     slope = np.diff(temp_c) / np.diff(time_s)
     share = (time_s[1:-1] - time_s[:-2]) / (time_s[2:] - time_s[:-2])
     off = np.abs(temp_c[1:-1] - temp_c[:-2] - share * (temp_c[2:] - temp_c[:-2])) > _ROUNDED_C
     bent = np.concatenate([[False], off, [False]])
-    alone = np.flatnonzero(bent[1:-1] & ~bent[:-2] & ~bent[2:]) + 1
     pair = np.flatnonzero(bent[1:-2] & bent[2:-1] & ~bent[:-3] & ~bent[3:]) + 1
     before, after, gap_s = slope[pair - 1], slope[pair + 1], time_s[pair + 1] - time_s[pair]
     level = (before == 0.0) & (after == 0.0)
     turn = np.where(before == after, 1.0, before - after)
     past_s = np.where(level, gap_s, np.clip((temp_c[pair + 1] - after * gap_s - temp_c[pair]) / turn, 0.0, gap_s))
-    times = np.concatenate([time_s[alone], time_s[pair] + past_s])
-    temps = np.concatenate([temp_c[alone], temp_c[pair] + before * past_s])
+    bent[np.concatenate([pair, pair + 1])] = False
+    times = np.concatenate([time_s[bent], time_s[pair] + past_s])
+    temps = np.concatenate([temp_c[bent], temp_c[pair] + before * past_s])
     order = np.argsort(times)
     return times[order], temps[order], bool(2 * np.count_nonzero(level) > len(times))
