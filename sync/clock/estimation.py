@@ -7,7 +7,6 @@ Where nothing moves, the offset remains unknown and is not guessed.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -165,7 +164,8 @@ def _find(
     if likelihood.swapped and given_offset_s is None and likelihood.strokes - likelihood.matched > 1:
         raise _other_way_round(likelihood)
     method = f"{GIVEN_OFFSET}; drift from motion and temperature" if given_offset_s is not None else _method(likelihood)
-    clock = _clock(angles, likelihood.mixture, middle_s=likelihood.middle_s, method=method)
+    begin_film_s = float(angles.time_s[0])
+    clock = clock_of(likelihood.mixture, middle_s=likelihood.middle_s, film_begin_s=begin_film_s, method=method)
     clock = replace(clock, notes=(*doubts, *_notes(likelihood, clock), *_restart_notes(weighed)))
     if given_offset_s is not None:
         # It was measured where the film begins, which may be long after film time 0.
@@ -217,7 +217,9 @@ def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, prio
         f"shared event: {match.matched} of {match.events} changes of the LED against the heating switch's "
         f"{match.switchings}"
     )
-    clock = replace(_clock(angles, [gaussian], middle_s=match.middle_s, method=method), notes=tuple(notes))
+    begin_film_s = float(angles.time_s[0])
+    clock = clock_of([gaussian], middle_s=match.middle_s, film_begin_s=begin_film_s, method=method)
+    clock = replace(clock, notes=tuple(notes))
     return Found(_coarse(clock, reading.coarse_s), weighed.reading)
 
 
@@ -297,12 +299,6 @@ def _coarse(clock: ClockMap, step_s: float) -> ClockMap:
         film_offset_ci95_s=(film_low - earlier_s, film_high),
         notes=(*clock.notes, note),
     )
-
-
-def _clock(angles: StickAngles, mixture: Sequence[Gaussian], *, middle_s: float, method: str) -> ClockMap:
-    """Return the clock, with the intervals of the offset at film time 0 and at the film's first frame."""
-    at_first_frame = clock_of(mixture, middle_s=middle_s - float(angles.time_s[0]))
-    return replace(clock_of(mixture, middle_s=middle_s, method=method), film_offset_ci95_s=at_first_frame.offset_ci95_s)
 
 
 def _method(likelihood: MotionLikelihood) -> str:

@@ -122,17 +122,26 @@ def log_time(
     return timestamp, np.stack(columns, axis=1), covered
 
 
-def clock_of(mixture: Sequence[Gaussian], *, middle_s: float, method: str = "") -> ClockMap:
-    """Return the clock: values where most of the mixture's weight agrees, with the mixture's central 95 % intervals."""
+def clock_of(mixture: Sequence[Gaussian], *, middle_s: float, film_begin_s: float = 0.0, method: str = "") -> ClockMap:
+    """Return the clock: values where most of the mixture's weight agrees, with the mixture's central 95 % intervals.
+
+    The offset's is that at film time 0, and that at the film's first frame.
+    """
     largest = max(gaussian.log_weight for gaussian in mixture)
     likely = [gaussian for gaussian in mixture if gaussian.log_weight > largest - NEGLIGIBLE_LOG]
     weight = softmax([gaussian.log_weight for gaussian in likely])
     mean = np.stack([gaussian.mean for gaussian in likely])
     covariance = np.stack([gaussian.covariance for gaussian in likely])
-    # The offset at film time 0 is that at the middle minus the drift accumulated until there.
-    row = np.zeros(mean.shape[1])
-    row[:2] = 1.0, -middle_s
-    offset, offset_sigma = mean @ row, np.sqrt(row @ covariance @ row)
+
+    def offset_at(film_s: float) -> tuple[Floats, Floats]:
+        # That at the middle minus the drift accumulated until there.
+        row = np.zeros(mean.shape[1])
+        row[:2] = 1.0, film_s - middle_s
+        return mean @ row, np.sqrt(row @ covariance @ row)
+
+    def interval(value: Floats, sigma: Floats) -> tuple[float, float]:
+        return _quantile(value, sigma, weight, 0.025), _quantile(value, sigma, weight, 0.975)
+
     drift, drift_sigma = mean[:, 1] / PPM, np.sqrt(covariance[:, 1, 1]) / PPM
     # Neighbours on a fine grid of lags share their weight. So take the point with most weight around it, neither the
     # component with the largest weight nor the peak of the density, which may be that of a narrow, light component.
@@ -140,12 +149,14 @@ def clock_of(mixture: Sequence[Gaussian], *, middle_s: float, method: str = "") 
     best = int(np.argmax([np.exp(-0.5 * ((center - middle) / spread) ** 2) @ weight for center in middle]))
     near = weight * np.exp(-0.5 * np.minimum(((middle - middle[best]) / spread[best]) ** 2, 700.0))
     near /= near.sum()
+    at_zero = offset_at(0.0)
     return ClockMap(
-        offset_s=float(near @ offset),
-        offset_ci95_s=(_quantile(offset, offset_sigma, weight, 0.025), _quantile(offset, offset_sigma, weight, 0.975)),
+        offset_s=float(near @ at_zero[0]),
+        offset_ci95_s=interval(*at_zero),
         drift_ppm=float(near @ drift),
-        drift_ci95_ppm=(_quantile(drift, drift_sigma, weight, 0.025), _quantile(drift, drift_sigma, weight, 0.975)),
+        drift_ci95_ppm=interval(drift, drift_sigma),
         method=method,
+        film_offset_ci95_s=interval(*offset_at(film_begin_s)),
     )
 
 

@@ -48,6 +48,23 @@ def run(pair, out, **settings):
     return sync_to_folder(pair / "angle.csv", pair / "temps.csv", settings=settings, out=out)
 
 
+GIVEN = {"offset_s": OFFSET_S, "drift_ppm": 0.0}
+
+
+@pytest.fixture(scope="module")
+def found(pair, tmp_path_factory):
+    """Return what the command leaves where it finds the clock, once for all tests that read it."""
+    run(pair, folder := tmp_path_factory.mktemp("found"))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def given(pair, tmp_path_factory):
+    """Return what it leaves where the clock is given."""
+    run(pair, folder := tmp_path_factory.mktemp("given"), **GIVEN)
+    return folder
+
+
 @pytest.mark.parametrize(
     ("column", "damage", "said"),
     [
@@ -75,15 +92,14 @@ def as_an_instrument_writes_it(pair, path):
     path.write_text(f"Unit 7\n\n{channels.to_csv(index=False)}", encoding="utf-8")
 
 
-def test_columns_by_name_give_the_same_table(pair, tmp_path, capfd):
+def test_columns_by_name_give_the_same_table(pair, given, tmp_path, capfd):
     as_an_instrument_writes_it(pair, tmp_path / "log.csv")
     words = ["sync", "--angle", pair / "angle.csv", "--offset", OFFSET_S, "--drift-ppm", 0, "--temperature"]
-    assert leave(*words, pair / "temps.csv", "--out", tmp_path / "plain") == 0
     named = ["--columns", "time=Time,a=Chan 101,b=Chan 102 (F)"]
     assert leave(*words, tmp_path / "log.csv", *named, "--out", tmp_path / "named") == 0
     said = capfd.readouterr().err
     assert "temperature of spring A from 'Chan 101 (F)', °F converted" in said
-    plain, other = (read_merged(tmp_path / name / "merged.csv") for name in ("plain", "named"))
+    plain, other = (read_merged(folder / "merged.csv") for folder in (given, tmp_path / "named"))
     np.testing.assert_allclose(other.temp_a_c, plain.temp_a_c, atol=1e-6)
     np.testing.assert_allclose(other.temp_b_c, plain.temp_b_c, atol=1e-6)
     content = json.loads((tmp_path / "named" / "sync.json").read_text())
@@ -107,30 +123,29 @@ def test_columns_that_are_not_there(pair, tmp_path, capfd, named, code, message)
     assert re.search(message.replace("(F)", r"\(F\)"), capfd.readouterr().err)
 
 
-def test_outputs_as_in_the_contract(pair, tmp_path):
-    run(pair, tmp_path)
-    content = json.loads((tmp_path / "sync.json").read_text())
+def test_outputs_as_in_the_contract(pair, found):
+    content = json.loads((found / "sync.json").read_text())
     assert content["schema"] == 1
     for key in ("offset_s", "drift_ppm"):
         low, high = content[key]["ci95"]
         assert low <= content[key]["value"] <= high
     assert content["offset_s"]["value"] == pytest.approx(OFFSET_S, abs=0.5)
     assert isinstance(content["method"], str)
-    header = (tmp_path / "merged.csv").read_text().splitlines()[0].split(",")
+    header = (found / "merged.csv").read_text().splitlines()[0].split(",")
     assert header == ["time_s", "angle_deg", "angle_sigma_deg", "temp_a_c", "temp_b_c", "heat_a", "heat_b", "room_c"]
-    table = read_merged(tmp_path / "merged.csv")
+    table = read_merged(found / "merged.csv")
     assert len(table) == len(pd.read_csv(pair / "angle.csv"))
 
 
-def test_same_input_same_answer(pair, tmp_path):
-    for name in ("one", "two"):
-        run(pair, tmp_path / name)
+def test_same_input_same_answer(pair, found, tmp_path):
+    table = run(pair, tmp_path)
+    np.testing.assert_allclose(table.temp_a_c, read_merged(tmp_path / "merged.csv").temp_a_c, atol=1e-9)
     for file in ("merged.csv", "sync.json"):
-        assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes()
+        assert (tmp_path / file).read_bytes() == (found / file).read_bytes()
 
 
-def test_given_offset_places_the_temperatures(pair, tmp_path):
-    table = run(pair, tmp_path, offset_s=OFFSET_S, drift_ppm=0.0)
+def test_given_offset_places_the_temperatures(pair, given):
+    table = read_merged(given / "merged.csv")
     log = pd.read_csv(pair / "temps.csv")
     expected = np.interp(table.time_s + OFFSET_S, log["time_s"], log["temp_a_c"])
     known = np.isfinite(table.temp_a_c)
@@ -180,20 +195,18 @@ def test_unknown_offset_writes_nothing(pair, tmp_path):
     assert not (tmp_path / "sync.json").exists()
 
 
-def test_parquet_in_and_out(pair, tmp_path):
+def test_parquet_in_and_out(pair, given, tmp_path):
     for name in ("angle", "temps"):
         pd.read_csv(pair / f"{name}.csv").to_parquet(tmp_path / f"{name}.parquet")
-    settings = {"offset_s": OFFSET_S, "drift_ppm": 0.0}
-    from_csv = run(pair, tmp_path / "csv", **settings)
     sync_to_folder(
         tmp_path / "angle.parquet",
         tmp_path / "temps.parquet",
-        settings=settings,
+        settings=GIVEN,
         out=tmp_path / "out",
         table=tmp_path / "merged.parquet",
     )
     again = pd.read_parquet(tmp_path / "merged.parquet")
-    assert again["temp_a_c"].to_numpy() == pytest.approx(from_csv.temp_a_c, nan_ok=True)
+    assert again["temp_a_c"].to_numpy() == pytest.approx(read_merged(given / "merged.csv").temp_a_c, nan_ok=True)
     written = pd.read_csv(tmp_path / "out" / "merged.csv")
     assert list(again.columns) == list(written.columns)
 

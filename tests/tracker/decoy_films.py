@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 
-import av
 import cv2
 import numpy as np
+
+from tests.grey_film import write_grey
 
 FINE = 4
 
@@ -123,8 +123,9 @@ class DecoyFilm:
         rng = np.random.default_rng([self.seed, 12])
         width, height = self.size
         ground = cv2.resize(rng.normal(110, 14, (height // 6, width // 6)), self.size, interpolation=cv2.INTER_CUBIC)
+        bare = cv2.resize(ground.astype(np.float32), (FINE * width, FINE * height), interpolation=cv2.INTER_LINEAR)
         for number in range(len(self.angle_deg)):
-            fine = cv2.resize(ground.astype(np.float32), (FINE * width, FINE * height), interpolation=cv2.INTER_LINEAR)
+            fine = bare.copy()
             for bar in (*self.decoys, self.base, self.at(number)):
                 _draw(fine, bar, self.shake_px[number])
             cv2.circle(
@@ -140,15 +141,7 @@ class DecoyFilm:
             yield np.clip(np.rint(picture + rng.normal(0, 2, picture.shape)), 0, 255).astype(np.uint8)
 
     def write(self, path: Path) -> Path:
-        with av.open(str(path), "w") as container:
-            stream = container.add_stream("ffv1", rate=30)
-            stream.width, stream.height, stream.pix_fmt = *self.size, "gray"
-            for number, picture in enumerate(self.pictures()):
-                frame = av.VideoFrame.from_ndarray(picture, format="gray")
-                frame.pts, frame.time_base = number, Fraction(1, 30)
-                container.mux(stream.encode(frame))
-            container.mux(stream.encode())
-        return path
+        return write_grey(path, self.pictures(), fps=30.0)
 
 
 def _rectangle(bar: Bar) -> tuple[tuple[float, float], tuple[float, float], float]:

@@ -186,6 +186,31 @@ class ActuatorModel:
         require_units(log.time_s, {"temp_a_c": log.temp_a_c, "temp_b_c": log.temp_b_c}, where=where)
         return prepare_log(log, start_angle_rad=start_angle_rad, where=where, readings=readings)
 
+    def begin(self, drive: Drive, *, history: History = _NO_HISTORY) -> Ports:
+        """Return the ports of a drive before any effect or law acts; their arrays are shared and never written to."""
+        counts = drive.cycles.counts()
+        before = np.array([history.cycles[spring] for spring in drive.cycles.springs], np.int64)
+        whole, log_rows = drive.whole
+        same = ("time_s", "temp_a_c", "temp_b_c", "rate_a_c_s", "rate_b_c_s", "room_c")
+        rig = Rig.from_values(self._nominal)
+        return Ports(
+            **{name: getattr(drive, name) for name in same},
+            rig=rig,
+            rig_b=rig,
+            active=drive.cycles.active,
+            half=drive.cycles.half,
+            cycle=counts + before,
+            half_cycle=np.arange(len(counts)) + sum(history.cycles),
+            drive=whole,
+            log_rows=log_rows,
+            history=history,
+            theta_l_scale=np.ones(len(counts)),
+            theta_l_loss_rad=np.zeros(len(counts)),
+            warmer_heating_c=np.zeros(len(counts)),
+            warmer_cooling_c=np.zeros(len(counts)),
+            friction_scale=np.ones(len(drive)),
+        )
+
     def ports(self, drive: Drive, values: Mapping[str, float], *, history: History | None = None) -> Ports:
         """Return the plain model's ports for this drive, with the effects applied.
 
@@ -194,12 +219,17 @@ class ActuatorModel:
         ConfigError
             When a name in ``values`` is no parameter of the model; the message gives the most similar name.
         """
+        history = history or _NO_HISTORY
+        begun = self._cached(0, (drive, history), lambda: self.begin(drive, history=history))
+        return self._acted(begun, values)
+
+    def _acted(self, begun: Ports, values: Mapping[str, float]) -> Ports:
+        """Return ports on which the values, effects and laws have acted."""
         if not values.keys() <= self._nominal.keys():
             self._refuse(values, tuple(self._nominal))
         given = {**self._nominal, **values}
-        history = history or _NO_HISTORY
         rig, zero_rad = Rig.from_values(given), given["zero_deg"] * DEG
-        ports = self._temperature_ports(drive, history, rig, given).changed(
+        ports = self._temperature_ports(begun, given).changed(
             rig=rig,
             rig_b=rig if self._equal_springs else Rig.from_values(values_of_b(given)),
             reading=(lambda phi_rad, _time_s: phi_rad + zero_rad,) if zero_rad else (),
@@ -208,13 +238,12 @@ class ActuatorModel:
         )
         return _applied(ports, self._parts[len(self._leading_parts) :], given)
 
-    def _temperature_ports(self, drive: Drive, history: History, rig: Rig, given: Mapping[str, float]) -> Ports:
+    def _temperature_ports(self, ports: Ports, given: Mapping[str, float]) -> Ports:
         """Return the ports after the leading parts, which act on clocks and temperatures alone.
 
         Successive simulations of a record mostly differ in a single value: the results of all parts that do not depend
         on this value come from the cache.
         """
-        ports = self._cached(0, (drive, history), _initial_ports, drive, history, rig)
         for place, (part, names) in enumerate(self._leading_parts, 1):
             ports = self._cached(place, (ports, *map(given.__getitem__, names)), _applied, ports, (part,), given)
         return self._cached(-1, (ports,), lambda: ports.changed(samples=ports.sampled()))
@@ -289,11 +318,15 @@ class ActuatorModel:
     def seen_rad(
         self, drive: Drive, values: Mapping[str, float], *, history: History | None = None
     ) -> tuple[Floats, Floats]:
-        """Return the expected angle (n,) of the rows and its standard deviation (n,) from jumps between two rows.
-
-        A fit calls this method tens of thousands of times.
-        """
+        """Return the expected angle (n,) of the rows and its standard deviation (n,) from jumps between two rows."""
         return seen_of_ports(self.ports(drive, values, history=history))
+
+    def seen_from(self, begun: Ports, values: Mapping[str, float]) -> tuple[Floats, Floats]:
+        """Return the result of :meth:`seen_rad` for ports of :meth:`begin`; a fit calls it tens of thousands of times.
+
+        The ports may be those of another model of the same actuator.
+        """
+        return seen_of_ports(self._acted(begun, values))
 
 
 def require_start(start_angle_rad: object, *, where: str) -> None:
@@ -368,28 +401,3 @@ def _applied(ports: Ports, parts: Sequence[Effect | LawForm], given: Mapping[str
 def _of_the_record_alone(effect: Effect, history: History) -> bool:
     """Return whether an effect held in the fitted record alone: its clock, or the state of the springs before it."""
     return (effect.is_clock and history.after_record) or (effect.family == "start" and history.unwound_rad is not None)
-
-
-def _initial_ports(drive: Drive, history: History, rig: Rig) -> Ports:
-    """Return the ports of a drive before any effect or law acts; their arrays are shared and never written to."""
-    counts = drive.cycles.counts()
-    before = np.array([history.cycles[spring] for spring in drive.cycles.springs], np.int64)
-    whole, log_rows = drive.whole
-    same = ("time_s", "temp_a_c", "temp_b_c", "rate_a_c_s", "rate_b_c_s", "room_c")
-    return Ports(
-        **{name: getattr(drive, name) for name in same},
-        rig=rig,
-        rig_b=rig,
-        active=drive.cycles.active,
-        half=drive.cycles.half,
-        cycle=counts + before,
-        half_cycle=np.arange(len(counts)) + sum(history.cycles),
-        drive=whole,
-        log_rows=log_rows,
-        history=history,
-        theta_l_scale=np.ones(len(counts)),
-        theta_l_loss_rad=np.zeros(len(counts)),
-        warmer_heating_c=np.zeros(len(counts)),
-        warmer_cooling_c=np.zeros(len(counts)),
-        friction_scale=np.ones(len(drive)),
-    )

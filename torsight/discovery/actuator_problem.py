@@ -20,7 +20,7 @@ from torsight.actuator.effects.clock_offset import EFFECT as CLOCK_OFFSET
 from torsight.actuator.fit_result import middle_deg
 from torsight.actuator.laws import FAMILIES, laws_of
 from torsight.actuator.model import ActuatorModel, PhaseLaw
-from torsight.actuator.ports import History
+from torsight.actuator.ports import History, Ports
 from torsight.actuator.simulation import Simulation
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.law import Law, LawForm
@@ -39,7 +39,7 @@ from torsight.discovery.actuator.temperature_errors import (
 from torsight.discovery.interface import Candidate, OptionalMembers, known_of
 
 _SAMPLES: Final = ("rows", "share", "time_s", "_means", "valid", "block", "rest")
-_OF_THE_RECORD: Final = (*_SAMPLES, "drivers", "laws", "_smooth_drives", "_lasting_drives", "_thinned")
+_OF_THE_RECORD: Final = (*_SAMPLES, "drivers", "laws", "_smooth_drives", "_lasting_drives", "_begun")
 """Members that depend on the record alone, and are not computed again where other laws are tried on it."""
 
 
@@ -78,7 +78,7 @@ class ActuatorProblem(OptionalMembers):
     phase_law: PhaseLaw = "liang_rogers"
     theta_l_deg: float | None = None
     _models: dict[tuple[str, ...], ActuatorModel] = field(default_factory=dict, init=False, repr=False, compare=False)
-    _thinned: dict[Drive, Drive] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _begun: dict[Drive, Ports] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def rows(self) -> Ints:
@@ -283,9 +283,10 @@ class ActuatorProblem(OptionalMembers):
 
     def _seen(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> tuple[Floats, Floats]:
         """Return the angle at the kept rows and its standard deviation where it jumps between them, degrees."""
-        if drive not in self._thinned:
-            self._thinned[drive] = drive.at(self.rows)
-        angle_rad, sigma_rad = self.model(effects).seen_rad(self._thinned[drive], values, history=self.history)
+        model = self.model(effects)
+        if drive not in self._begun:
+            self._begun[drive] = model.begin(drive.at(self.rows), history=self.history)
+        angle_rad, sigma_rad = model.seen_from(self._begun[drive], values)
         return angle_rad / DEG, sigma_rad / DEG
 
     @cached_property

@@ -1,6 +1,7 @@
 """Offset and drift of made-up pairs whose clock is known."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pandas as pd
@@ -161,10 +162,16 @@ def test_shifting_the_log_shifts_the_offset_alone():
     assert there.drift_ppm == pytest.approx(here.drift_ppm, abs=1.0)
 
 
+@cache
+def since_the_start():
+    """Return a pair whose seconds count from its start, and its clock."""
+    angles, log = records(make_pair(5, rig=FAST, cycles=fast_programme(5), film_fps=15.0, log_step_s=0.25))
+    return angles, log, estimate_clock(angles, log)
+
+
 @pytest.mark.parametrize("film_began_s", [0.0, SINCE_1970_S])
 def test_seconds_of_the_calendar_are_as_good_as_seconds_since_the_start(film_began_s):
-    angles, log = records(make_pair(5, rig=FAST, cycles=fast_programme(5), film_fps=15.0, log_step_s=0.25))
-    clock = estimate_clock(angles, log)
+    angles, log, clock = since_the_start()
     later = estimate_clock(
         replace(angles, time_s=angles.time_s + film_began_s), replace(log, time_s=log.time_s + SINCE_1970_S)
     )

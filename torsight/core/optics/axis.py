@@ -9,6 +9,7 @@ distinguishes the near side from the far side. Both cases are the same fit,
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -27,6 +28,8 @@ _FEWEST_FRAMES: Final = 8
 angle, and nine values are shared, so that eight frames give more than twice the necessary equations."""
 _SMALLEST_ARC_RAD: Final = np.pi / 6
 """Part of a turn, 30°, that these frames must span: a shorter arc fits circles of many tilts."""
+_LEAST_ACROSS: Final = math.sqrt(0.5)
+"""Least part of the moving stick's length across its axis: a stick lies more across the axis than along it."""
 _TILTS_RAD: Final = np.arange(0.05, 1.2, 0.05)
 _TURNS_RAD: Final = np.arange(0.0, 2.0 * np.pi, np.pi / 12)
 """Start values of the axis' tilt and its direction, on a grid within the fit's range of convergence."""
@@ -79,6 +82,7 @@ def axis_from_pair(left: Sight, right: Sight, *, noise_px: float) -> tuple[Axis,
     rows = spread_rows(np.arctan2(stick[:, 1], stick[:, 0]), whole)
     sights = [left.rows(rows), right.rows(rows)]
     points = meeting_point(sights[0].ray, sights[1].ray, rotation=right.rotation, shift=right.shift)
+    _require_turn(points[:, 1] - points[:, 0])
     found = [Circles.begun(sights, start, points).fitted() for start in _directions_in_space(points)]
     first = min(found, key=lambda item: item.chi_squared).without_far()
     arc_rad = _arc(first)
@@ -208,13 +212,29 @@ def _arc(circles: Circles) -> float:
     """Return the range of the stick's angle, rad; a range that is too small is refused."""
     arc_rad = float(np.ptp(np.unwrap(circles.turns().angle_rad)))
     if arc_rad < _SMALLEST_ARC_RAD:
-        raise NoResultError(
-            "the markers turn too little to find the rotation axis",
-            value=f"{np.degrees(arc_rad):.0f}°",
-            limit=f"at least {np.degrees(_SMALLEST_ARC_RAD):.0f}° of a turn",
-            do="film a larger motion, or measure the axis with a board on the disk",
-        )
+        raise _too_small(arc_rad)
     return arc_rad
+
+
+def _require_turn(stick: Floats) -> None:
+    """Refuse sticks (n, 3) in space that turn too little about any axis that they can have.
+
+    Such an arc hardly determines the circles, and their fit would take hundreds of steps before it is refused.
+    """
+    direction = stick / np.linalg.norm(stick, axis=1, keepdims=True)
+    turn_rad = float(np.arccos(np.clip((direction @ direction.T).min(), -1.0, 1.0)))
+    # A part s of the stick across the axis: sin(turn / 2) = s sin(arc / 2).
+    if math.sin(0.5 * turn_rad) < _LEAST_ACROSS * math.sin(0.5 * _SMALLEST_ARC_RAD):
+        raise _too_small(turn_rad)
+
+
+def _too_small(arc_rad: float) -> NoResultError:
+    return NoResultError(
+        "the markers turn too little to find the rotation axis",
+        value=f"{np.degrees(arc_rad):.0f}°",
+        limit=f"at least {np.degrees(_SMALLEST_ARC_RAD):.0f}° of a turn",
+        do="film a larger motion, or measure the axis with a board on the disk",
+    )
 
 
 def _require_frames(count: int) -> None:

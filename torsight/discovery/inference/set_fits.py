@@ -54,6 +54,9 @@ class SetFits:
         self._progress = progress
         self.stretches = Stretches.of(problem)
         self._reading = problem.sigma
+        nothing = np.empty(0)
+        self._inputs: tuple[Problem | None, tuple[Mapping[str, float], EffectSet], tuple[Floats, Floats]]
+        self._inputs = None, ({}, ()), (nothing, nothing)
         self._correlate(1.0)
 
     def plain(self) -> Explanation:
@@ -254,7 +257,7 @@ class SetFits:
 
     def _likelihood_at(self, problem: Problem, values: Mapping[str, float], effects: EffectSet) -> Likelihood:
         """Return the likelihood with the inputs' noise at given values, and with the current correlation time."""
-        noise, shared = problem.input_noise(values, effects), problem.shared_errors(values, effects)
+        noise, shared = self._inputs_at(problem, values, effects)
         lasting, levels = self.stretches.lasting(noise, problem.block), None
         if lasting.size:
             # The inputs' errors last, and so does the model's discrepancy, whose size is that of what is left at rest.
@@ -263,6 +266,17 @@ class SetFits:
             shared, noise = np.hstack([shared, noise[:, None] * lasting]), np.where(lasting.any(axis=1), 0.0, noise)
         floor, tau, least = np.hypot(self._reading, noise), self._correlation_samples, self._problem.resolution
         return Likelihood.of(self.stretches, floor, tau, count=self._count, least=least, shared=shared, levels=levels)
+
+    def _inputs_at(self, problem: Problem, values: Mapping[str, float], effects: EffectSet) -> tuple[Floats, Floats]:
+        """Return the inputs' noise and their shared errors: dozens of simulations.
+
+        Those of the last values are kept, because a set is often judged again where its fit has ended.
+        """
+        before, where, found = self._inputs
+        if before is not problem or where != (values, effects):
+            found = problem.input_noise(values, effects), problem.shared_errors(values, effects)
+            self._inputs = problem, (dict(values), effects), found
+        return found
 
     def _correlate(self, correlation_samples: float, inputs: Floats | None = None) -> None:
         """Set the correlation time and the pieces of information per sample, which are the same for all sets.
