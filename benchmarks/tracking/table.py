@@ -191,7 +191,7 @@ def disc_deg(path: Path) -> np.ndarray:
 
 
 def cylinder_deg(path: Path) -> np.ndarray:
-    """Return the angle of the line through the cylinder's two marks, NaN where its bright face is not seen whole."""
+    """Return the angle of the line through the cylinder's two marks, NaN where they or its face are not seen whole."""
     found: list[float] = []
     with av.open(str(path)) as container:
         for frame in container.decode(video=0):
@@ -206,12 +206,16 @@ def cylinder_deg(path: Path) -> np.ndarray:
             places = np.argwhere(labels == np.argmax(face * area))[:, ::-1].astype(np.float32)
             (x, y), radius = cv2.minEnclosingCircle(places)
             rows, columns = np.mgrid[: grey.shape[0], : grey.shape[1]]
-            inside = np.hypot(columns - x, rows - y) < 0.86 * radius
-            weight = np.clip(np.median(grey[inside]) - 25.0 - grey[inside], 0.0, None)
-            if weight.sum() > 0.0:
-                spread = np.cov(np.stack([columns[inside], rows[inside]]), aweights=weight)
-                along = np.linalg.eigh(spread)[1][:, 1]
-                found[-1] = float(np.arctan2(-along[1], along[0]))
+            inside = np.hypot(columns - x, rows - y) < 0.95 * radius
+            weight = np.clip(np.median(grey[inside]) - 25.0 - grey, 0.0, None) * inside
+            # Each mark is a few pixels wide; a finger over the face is wider, and reaches its rim.
+            count, labels, sizes, _ = cv2.connectedComponentsWithStats((weight > 0.0).astype(np.uint8))
+            marks = [k for k in range(1, count) if sizes[k, 2:4].max() < 6 and weight[labels == k].max() > 40.0]
+            if len(marks) == 2:
+                one, two = (
+                    np.average(np.argwhere(labels == k)[:, ::-1], axis=0, weights=weight[labels == k]) for k in marks
+                )
+                found[-1] = float(np.arctan2(one[1] - two[1], two[0] - one[0]))
     angle = np.array(found)
     known = np.isfinite(angle)
     angle[known] = np.unwrap(angle[known], period=np.pi)

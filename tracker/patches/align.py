@@ -27,11 +27,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.compiled import compiled
 from torsight.core.series import robust_sigma
-from torsight.core.units import Flags, Floats
+from torsight.core.units import Flags, Floats, Ints
 from tracker.innovation import SIGMAS
 from tracker.patches.ink import Doubt, Ink
-from tracker.patches.warps import jacobian, project, similarity
+from tracker.patches.warps import before_step, jacobian, project, similarity
 
 Look = Callable[[Floats, Floats], Floats]
 """Brightness of a template at offsets x, y (n,) from its middle, y down."""
@@ -278,8 +279,7 @@ class Patch:
         # The rounding alone has as much contrast; beyond half its width the picture is unknown to the template.
         if abs(found[_GAIN]) * self.spread < SIGMAS * math.sqrt(_ROUNDED) or not np.abs(delta).max() < self.half_px:
             return None
-        after = warp @ np.linalg.inv(np.eye(3) + (delta @ self.generators.reshape(-1, 9)).reshape(3, 3))
-        after /= after[2, 2]
+        after = before_step(warp, (delta @ self.generators.reshape(-1, 9)).reshape(3, 3))
         before, rim = (project(one, self.rim).T for one in (warp, after))
         if not ((rim >= part.low) & (rim <= part.high)).all():
             return None
@@ -407,8 +407,10 @@ class Patch:
 
         A blurred picture changes less with a shift than the template does: the picture's own gradients give the ratio.
         """
-        down, right = (axis.ravel()[self.index] / self.spacing_px for axis in np.gradient(seen.reshape(self._side, -1)))
-        return np.asarray(np.linalg.pinv(inverse[self._first :] @ self._columns(right, down)), dtype=np.float64)
+        right, down = _gradient(seen, self._side, self.index) / self.spacing_px
+        slope = inverse[self._first :] @ self._columns(right, down)
+        # The pseudoinverse, of a picture that shows nothing of a parameter, takes ten times as long.
+        return np.asarray(np.linalg.inv(slope) if np.linalg.det(slope) else np.linalg.pinv(slope), dtype=np.float64)
 
     def _columns(self, slope_x: Floats, slope_y: Floats) -> Floats:
         """Return the derivatives (n, k) of brightness with respect to δ, from its gradient."""
@@ -431,6 +433,18 @@ class Patch:
             and corners[0].max() < width
             and corners[1].max() < height
         )
+
+
+@compiled
+def _gradient(seen: Floats, side: int, index: Ints) -> Floats:
+    """Return the gradient (2, n), to the right and down, at points of a picture (side²,), as numpy's."""
+    found = np.empty((2, len(index)))
+    for i in range(len(index)):
+        row, column = index[i] // side, index[i] % side
+        left, right, up, down = max(column - 1, 0), min(column + 1, side - 1), max(row - 1, 0), min(row + 1, side - 1)
+        found[0, i] = (seen[row * side + right] - seen[row * side + left]) / (right - left)
+        found[1, i] = (seen[down * side + column] - seen[up * side + column]) / (down - up)
+    return found
 
 
 def _generators(half_px: float) -> Floats:

@@ -72,7 +72,7 @@ def _smeared(patch: Patch, motion: Floats, share: float) -> Floats:
         return np.zeros_like(patch.middle)
     # As many points as these have the variance of the whole exposure.
     instants = share * (np.arange(count) - 0.5 * (count - 1)) / math.sqrt(count**2 - 1)
-    seen = [patch.look(*project(warp, patch.grid)) for warp in carried(-instants[:, None, None] * motion)]
+    seen = [patch.look(*project(carried(-instant * motion), patch.grid)) for instant in instants]
     return np.asarray(np.mean(seen, axis=0) - patch.middle)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.tracker.films import Rig
-from tracker.detect.dots import dot_near
+from tracker.detect.dots import dot_near, find_and_refuse
 from tracker.detect.sticks import sticks_in
 
 STILL = Rig(lambda t: np.full_like(t, 75.0), frames=1)
@@ -70,6 +70,26 @@ def test_the_rim_of_a_dot_in_a_soft_large_picture_is_inside_its_window() -> None
     dots = [dot for stick in sticks for dot in (stick.inner, stick.outer)]
     # Two standard deviations: without its rim a dot that has moved is not found again.
     assert min(dot.window_px - dot.radius_px - 2.0 * dot.edge_px for dot in dots) > 0.0
+
+
+@pytest.mark.parametrize("radius_px", [2.8, 4.0, 6.0, 9.0, 14.0, 22.0, 36.0])
+def test_the_dots_of_a_whole_picture_are_those_that_are_found_near_each(radius_px: float) -> None:
+    # A whole picture is searched at half the size first, the surroundings of a position in full: at any place of a dot
+    # on the grid of pixels both find it.
+    rng = np.random.default_rng(round(10.0 * radius_px))
+    apart = 3.2 * radius_px + 6.0
+    places = np.array([(x, y) for y in range(1, 5) for x in range(1, 6)]) * apart + rng.uniform(-0.5, 0.5, (20, 2))
+    y, x = np.mgrid[: round(5.0 * apart), : round(6.0 * apart)]
+    away = np.min([np.hypot(x - one, y - two) for one, two in places], axis=0)
+    luma = 180.0 - 120.0 / (1.0 + np.exp(np.clip((away - radius_px) / 0.3, -50.0, 50.0)))
+    picture = np.rint(luma + rng.normal(0.0, 3.0, luma.shape)).astype(np.uint8)
+    dots, _ = find_and_refuse(picture)
+    assert len(dots) == len(places)
+    near = [dot_near(picture, *place, reach_px=3.0) for place in places.tolist()]
+    found = np.array([min(np.hypot(dot.x_px - one.x_px, dot.y_px - one.y_px) for dot in dots) for one in near if one])
+    # Both end at the same fit.
+    assert len(found) == len(places)
+    assert found.max() < 0.02
 
 
 def test_a_picture_without_markers_has_none() -> None:
