@@ -71,10 +71,21 @@ class Outcome:
     told: list[str] = field(default_factory=list)
 
 
+FEWEST = 117
+"""Least number of frames of a film: the last mishap begins after 3.8 s."""
+
+
+def enough(text: str) -> int:
+    """Return a number of frames; too few are refused."""
+    if int(text) < FEWEST:
+        raise argparse.ArgumentTypeError(f"{text} frames are too few: give at least {FEWEST}")
+    return int(text)
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--frames", type=int, default=150)
+    parser.add_argument("--frames", type=enough, default=150)
     parser.add_argument("--only", default="")
     options = parser.parse_args()
     print(HEAD)
@@ -137,7 +148,7 @@ def run(made: Made, folder: Path) -> Outcome:
 
 
 def films(seed: int, frames: int) -> Iterator[Made]:
-    """Give every film."""
+    """Give every film, of at least :data:`FEWEST` frames."""
     one = replace(STANDARD, seed=seed, frames=frames, camera=False)
     for group in (_hands, _jumps, _light, _carried, _repeated, _clicked, _starts, _covered):
         for name, film, told in group(one):

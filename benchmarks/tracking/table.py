@@ -53,7 +53,7 @@ CLAMP = [[160.0, 155.0], [216.0, 158.0]]
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--frames", type=int, default=150)
+    parser.add_argument("--frames", type=mishaps.enough, default=150)
     parser.add_argument("--only", default="")
     shared = os.environ.get("TORSIGHT_SHARED_DATA")
     parser.add_argument("--real", type=Path, default=Path(shared) / "real_films" if shared else None)
