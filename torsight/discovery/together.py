@@ -196,10 +196,9 @@ def _report(
     decision, last = findings.decision, len(problem.parts) - 1
     base, chosen = findings.field.plain, decision.chosen
     acting = [
-        Acting(name if item.law.driver == TIME else "", problem.parts[k], problem.own_law(item, k))
+        Acting(name, problem.parts[k], problem.own_law(item, k))
         for item in chosen.laws
-        for k, name in enumerate(names)
-        if k == 0 or item.law.driver == TIME
+        for k, name in enumerate(names if item.law.driver == TIME else [""])
     ]
     shared = decided(problem, findings, records=problem.parts, laws=acting, seed=seed, effect_of=problem.effect_of)
     records = _records(problem, findings, shared["parameters"], names, progress=progress)

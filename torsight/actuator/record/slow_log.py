@@ -65,16 +65,26 @@ def own_readings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats] | None
         wanted_c = temp_c[np.searchsorted(time_s, wanted_s + 0.5 * usual_step(time_s)) - 1]
         rows_c = wanted_c[np.searchsorted(wanted_s, time_s, side="right") - 1]
     else:
-        known_s, first = np.unique(np.r_[times, time_s], return_index=True)
-        wanted_c = np.interp(wanted_s, known_s, np.r_[temps, temp_c][first])
+        wanted_c = np.interp(wanted_s, *_together(times, temps, time_s, temp_c))
         rows_c = np.interp(time_s, wanted_s, wanted_c)
     missed = np.abs(rows_c - temp_c) > NEGLIGIBLE_C
     if interval_s is None:
         # Where two readings lie between the same two rows, the rows themselves say what there is to know.
-        known_s, first = np.unique(np.r_[wanted_s, time_s[missed]], return_index=True)
-        return known_s, np.r_[wanted_c, temp_c[missed]][first]
+        return _together(wanted_s, wanted_c, time_s[missed], temp_c[missed])
     # The corners of a programme without noise may be as even as readings: then rows between them do not follow.
     return None if missed.any() else (wanted_s, wanted_c)
+
+
+def _together(time_s: Floats, temp_c: Floats, others_s: Floats, others_c: Floats) -> tuple[Floats, Floats]:
+    """Return points (n,) and others (m,) in the order of their times; of two at one time the former."""
+    known_s, first = np.unique(np.r_[time_s, others_s], return_index=True)
+    return known_s, np.r_[temp_c, others_c][first]
+
+
+def _off_lines(time_s: Floats, temp_c: Floats) -> Floats:
+    """Return the distances (n − 2,) of points from the lines between their neighbours, °C."""
+    share = (time_s[1:-1] - time_s[:-2]) / (time_s[2:] - time_s[:-2])
+    return np.abs(temp_c[1:-1] - temp_c[:-2] - share * (temp_c[2:] - temp_c[:-2]))
 
 
 def _common_interval_s(apart_s: Floats) -> float | None:
@@ -98,9 +108,7 @@ def _bend_by_noise(time_s: Floats, temp_c: Floats) -> bool:
     A programme with k corners on its way between its extremes deviates by 1/k of their distance or more at half of
     these, and no programme of straight lines has a hundred.
     """
-    share = (time_s[1:-1] - time_s[:-2]) / (time_s[2:] - time_s[:-2])
-    off_c = temp_c[1:-1] - temp_c[:-2] - share * (temp_c[2:] - temp_c[:-2])
-    return bool(np.median(np.abs(off_c)) < 0.01 * np.ptp(temp_c))
+    return bool(np.median(_off_lines(time_s, temp_c)) < 0.01 * np.ptp(temp_c))
 
 
 class _Line(NamedTuple):
@@ -316,9 +324,7 @@ def _meetings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats, bool]:
     true.
     """
     slope = np.diff(temp_c) / np.diff(time_s)
-    share = (time_s[1:-1] - time_s[:-2]) / (time_s[2:] - time_s[:-2])
-    off = np.abs(temp_c[1:-1] - temp_c[:-2] - share * (temp_c[2:] - temp_c[:-2])) > _ROUNDED_C
-    bent = np.concatenate([[False], off, [False]])
+    bent = np.concatenate([[False], _off_lines(time_s, temp_c) > _ROUNDED_C, [False]])
     pair = np.flatnonzero(bent[1:-2] & bent[2:-1] & ~bent[:-3] & ~bent[3:]) + 1
     before, after, gap_s = slope[pair - 1], slope[pair + 1], time_s[pair + 1] - time_s[pair]
     level = (before == 0.0) & (after == 0.0)

@@ -95,7 +95,9 @@ def law_sentence(law: MeasuredLaw, tau_c_mnm: float, known: OnNodes) -> str:
         what = f"the {law.gives}"
     if law.spring != "both":
         what += f" (spring {law.spring.upper()})"
-    beside = f"in {law.record}, " if law.record else "" if law.number == 1 else "beside that, "
+    beside = "" if law.number == 1 else "beside that, "
+    if law.record:
+        beside = f"in {law.record}, "
     whole = tau_c_mnm if law.port == "friction" else 100.0 if law.unit == "%" else None
     return f"{beside}{_course(law, what, known, whole)}"
 

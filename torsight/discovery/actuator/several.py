@@ -129,7 +129,7 @@ class SeveralRecords(OptionalMembers):
     @cached_property
     def _joined(self) -> ActuatorProblem:
         """The concatenated records, for quantities that depend on the range that they cover together."""
-        return replace(self.parts[0], drive=_joined([part.drive for part in self.parts]), forms=())
+        return replace(self.parts[0], drive=_joined([part.drive for part in self.parts], self._starts_s), forms=())
 
     @cached_property
     def laws(self) -> tuple[Law, ...]:
@@ -159,10 +159,11 @@ class SeveralRecords(OptionalMembers):
 
     def own_law(self, measured: Measured, record: int) -> Measured:
         """Return a measured law as it acts on a record: a law of time is the record's own, in its own time."""
-        if measured.law.driver != TIME:
+        form = self.own_form(measured.form, record)
+        if form is measured.form:
             return measured
         law = next(law for law in self.parts[record].laws if law.id == measured.law.id)
-        return replace(measured, law=law, form=self.own_form(measured.form, record))
+        return replace(measured, law=law, form=form)
 
     def with_laws(self, forms: Sequence[LawForm]) -> SeveralRecords:
         """Return the problem with these forms of laws among its candidates."""
@@ -187,7 +188,13 @@ class SeveralRecords(OptionalMembers):
     @cached_property
     def _starts_s(self) -> list[float]:
         """Shift of each record's times so that they increase through all records, s."""
-        return _starts_s([part.drive for part in self.parts])
+        starts, end_s = [], 0.0
+        for k, part in enumerate(self.parts):
+            time_s = part.drive.time_s
+            starts.append(end_s - float(time_s[0]) if k else 0.0)
+            # A gap as long as the record is longer than any correlation time within it.
+            end_s = starts[-1] + float(time_s[-1]) + float(np.ptp(time_s))
+        return starts
 
     def get_ready(self) -> None:
         """Compute the wires' temperatures behind slow sensors."""
@@ -336,19 +343,11 @@ def _of_each(each: Sequence[Candidate]) -> Candidate:
     )
 
 
-def _starts_s(drives: Sequence[Drive]) -> list[float]:
-    """Return the shift of each record's times, s."""
-    starts, end_s = [], 0.0
-    for k, drive in enumerate(drives):
-        starts.append(end_s - float(drive.time_s[0]) if k else 0.0)
-        # A gap as long as the record is longer than any correlation time within it.
-        end_s = starts[-1] + float(drive.time_s[-1]) + float(np.ptp(drive.time_s))
-    return starts
+def _joined(drives: Sequence[Drive], starts: Sequence[float]) -> Drive:
+    """Return the concatenated records as one drive, for the ranges that they cover; it is never simulated.
 
-
-def _joined(drives: Sequence[Drive]) -> Drive:
-    """Return the concatenated records as one drive, for the ranges that they cover; it is never simulated."""
-    starts = _starts_s(drives)
+    ``starts`` are the shifts of the records' times, s.
+    """
     halves = np.cumsum([0, *(len(drive.cycles.springs) for drive in drives)])
     cycles = replace(
         drives[0].cycles,

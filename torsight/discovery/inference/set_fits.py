@@ -54,9 +54,7 @@ class SetFits:
         self._progress = progress
         self.stretches = Stretches.of(problem)
         self._reading = problem.sigma
-        nothing = np.empty(0)
-        self._inputs: tuple[Problem | None, tuple[Mapping[str, float], EffectSet], tuple[Floats, Floats]]
-        self._inputs = None, ({}, ()), (nothing, nothing)
+        self._inputs: tuple[Problem, tuple[Mapping[str, float], EffectSet], tuple[Floats, Floats]] | None = None
         self._correlate(1.0)
 
     def plain(self) -> Explanation:
@@ -272,10 +270,11 @@ class SetFits:
 
         Those of the last values are kept, because a set is often judged again where its fit has ended.
         """
-        before, where, found = self._inputs
-        if before is not problem or where != (values, effects):
-            found = problem.input_noise(values, effects), problem.shared_errors(values, effects)
-            self._inputs = problem, (dict(values), effects), found
+        last = self._inputs
+        if last is not None and last[0] is problem and last[1] == (values, effects):
+            return last[2]
+        found = problem.input_noise(values, effects), problem.shared_errors(values, effects)
+        self._inputs = problem, (dict(values), effects), found
         return found
 
     def _correlate(self, correlation_samples: float, inputs: Floats | None = None) -> None:
