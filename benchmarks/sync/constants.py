@@ -54,8 +54,7 @@ CLOCK = {
     "signals.strokes": ("_MIN_STROKE_RAD", "_WINDOW_S", "_PAUSE_SHARE", "_LONGEST_PAUSE_S", "_NOISE_PER_STEP"),
 }
 LOG = {
-    "log.outliers": ("_SPIKE_FLOOR_C", "_LONGEST_S", "_TO_AND_FRO"),
-    "log.read_log": ("_COARSE_SHARE",),
+    "log.outliers": ("_SPIKE_FLOOR_C", "_LONGEST_S"),
     "log.timestamps": ("BRIDGED_S", "_CLOCK_SET_S"),
 }
 MODULES = [

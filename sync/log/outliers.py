@@ -14,7 +14,7 @@ import numpy as np
 
 from sync.log.repairs import Repair
 from sync.log.timestamps import BRIDGED_S, longest_gap_s
-from torsight.core.series import APART, constant_runs, scatter, usual_step
+from torsight.core.series import APART, constant_runs, rounding_variance, scatter, usual_step
 from torsight.core.series.outliers import outliers
 from torsight.core.units import Flags, Floats
 from torsight.core.words.plausible import SPRING_C
@@ -30,10 +30,6 @@ _LONGEST_S: Final = 30.0
 half and twice this value change no reading of damaged logs (benchmarks/sync/constants.py)."""
 _FROZEN_ROWS: Final = math.ceil(math.log2(1e9))
 """Number of readings in a row that are equal by chance once in 10⁹ times where most are not equal to the one before."""
-_TO_AND_FRO: Final = 0.25
-"""Least share of steps that reverse the one before in a noisy channel: two of three in white noise, few in a channel
-without noise that follows its spring. Half and twice change no reading of damaged logs (benchmarks/sync/constants.py).
-"""
 
 
 def clean_channel(time_s: Floats, temp_c: Floats, *, name: str) -> tuple[Floats, list[Repair]]:
@@ -82,7 +78,7 @@ def rounding_c(temp_c: Floats) -> float:
     known = temp_c[np.isfinite(temp_c)]
     step = np.abs(np.diff(known))
     step = step[step > 0.0]
-    return float(np.median(step)) / math.sqrt(12.0) if len(step) and scatter(known, order=2) == 0.0 else 0.0
+    return math.sqrt(rounding_variance(float(np.median(step)))) if len(step) and scatter(known, order=2) == 0.0 else 0.0
 
 
 def spikes(time_s: Floats, temp_c: Floats) -> Flags:
@@ -163,5 +159,6 @@ def _frozen(step_c: Floats, same: list[tuple[int, int]]) -> list[tuple[int, int]
     alike = int(np.count_nonzero(step_c == 0)) - inside
     others = len(step_c) - inside
     moves = np.sign(step_c[step_c != 0])
-    noisy = len(moves) > 1 and float(np.mean(moves[1:] != moves[:-1])) > _TO_AND_FRO
+    # White noise reverses two of three steps (Bienaymé 1874); a channel without noise follows its spring.
+    noisy = len(moves) > 1 and np.count_nonzero(moves[1:] != moves[:-1]) > 0.5 * (2.0 / 3.0) * (len(moves) - 1)
     return runs if noisy and alike < 0.5 * others and inside < others else []

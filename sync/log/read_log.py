@@ -28,10 +28,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _SWITCHES: Final = ("heat_a", "heat_b")
-_COARSE_SHARE: Final = 0.2
-"""Share of repeated timestamps above which the timestamps are coarser than the rows, instead of rows written twice:
-timestamps in whole seconds repeat in half of the rows or more. Half and twice of it change nothing
-(benchmarks/sync/constants.py)."""
 _MIN_ROWS: Final = 3
 """Least number of rows, with two steps of time: with one a usual step cannot be distinguished from a gap."""
 
@@ -182,7 +178,8 @@ def _distinct(
     if count == 0:
         return ordered, numbers, texts
     group, first = np.cumsum(~same) - 1, np.flatnonzero(~same)
-    if count > _COARSE_SHARE * len(same):
+    # Timestamps that are coarser than the rows repeat in half of them or more, rows that were written twice are few.
+    if count > 0.5 * 0.5 * len(same):
         text = f"{count} timestamps repeat (coarse clock); rows spread evenly between them"
         repairs.append(Repair("coarse_stamp", count, text))
         return _spread(ordered, group, first), numbers, texts

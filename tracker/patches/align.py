@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled
-from torsight.core.series import robust_sigma
+from torsight.core.series import robust_sigma, rounding_variance
 from torsight.core.units import Flags, Floats, Ints
 from tracker.innovation import SIGMAS
 from tracker.patches.ink import Doubt, Ink
@@ -51,8 +51,6 @@ _STOP: Final = 0.01
 an ordinary film."""
 _REACH: Final = 6.0
 """Steps of the grid by which the rim may move from the first guess."""
-_ROUNDED: Final = 1.0 / 12.0
-"""Variance by the rounding of brightness: a lower bound for every picture, also that of the template."""
 _TUKEY: Final = 4.685
 """Standard deviations above which a point has no weight: 95 % efficient for normal noise (Holland & Welsch 1977)."""
 _OTHER_DRAWN: Final = 0.4
@@ -68,8 +66,6 @@ _FEW: Final = 0.005
 """Share of points without weight that noise alone makes, and that does not matter."""
 _BLUR: Final = 0.5
 """Blur of the picture before it is sampled, in steps of the grid."""
-_LINEAR_PX2: Final = 1.0 / 6.0
-"""Variance of the kernel of linear interpolation: mean of f (1 − f) over all positions f between two pixels."""
 _DOUBLED: Final = np.array([[2.0, 0.0, 0.5], [0.0, 2.0, 0.5], [0.0, 0.0, 1.0]])
 """From pixels of a picture to those of one of twice the resolution, in which drawn templates are sampled. The error of
 linear interpolation depends on where between two pixels a sample lies. Along an edge that lies along the pixel rows it
@@ -226,7 +222,8 @@ class Patch:
 
     def _overlap(self, inverse: Floats) -> Floats:
         """Return the covariance of δ times gain for residuals of variance 1 from white noise in the picture."""
-        kernel_px2 = self.blur_px**2 + _LINEAR_PX2 / (4.0 if self.soft else 1.0)
+        # Linear interpolation has a triangle as kernel: two boxes as wide as a pixel, which is halved for a drawn one.
+        kernel_px2 = self.blur_px**2 + 2.0 * rounding_variance(0.5 if self.soft else 1.0)
         sigma = math.sqrt(kernel_px2) / self.spacing_px
         rows = np.zeros((len(self.generators), self._side * self._side), np.float32)
         rows[:, self.index] = inverse[self._first :]
@@ -277,7 +274,8 @@ class Patch:
         delta = found[self._first :] / found[_GAIN]
         delta = delta if answer is None else answer @ delta
         # The rounding alone has as much contrast; beyond half its width the picture is unknown to the template.
-        if abs(found[_GAIN]) * self.spread < SIGMAS * math.sqrt(_ROUNDED) or not np.abs(delta).max() < self.half_px:
+        contrast = abs(found[_GAIN]) * self.spread
+        if contrast < SIGMAS * math.sqrt(rounding_variance()) or not np.abs(delta).max() < self.half_px:
             return None
         after = before_step(warp, (delta @ self.generators.reshape(-1, 9)).reshape(3, 3))
         before, rim = (project(one, self.rim).T for one in (warp, after))
@@ -363,7 +361,7 @@ class Patch:
         """
         gain = abs(now.gain)
         # A codec sends a tag at rest only once: its frames then differ by less than their true errors.
-        noise = max(noise, math.sqrt(_ROUNDED))
+        noise = max(noise, math.sqrt(rounding_variance()))
         limit = np.full(self.count, max(_TUKEY * noise, self._other * self.spread * gain))
         if learnt is not None:
             limit = np.where(learnt.known, _TUKEY * gain * np.sqrt(learnt.variance(noise / gain)), limit)
@@ -383,7 +381,7 @@ class Patch:
         values, gain = now.seen[self.index] - now.gain * usual, now.gain
         left, plain = np.sqrt(weight) * now.left, self._beside_light(values, weight)
         square, total = float(left @ left), max(float(plain @ plain), 1e-12)
-        variance = max(square / max(float(weight.sum()) - len(now.found), 1.0), _ROUNDED)
+        variance = max(square / max(float(weight.sum()) - len(now.found), 1.0), rounding_variance())
         answer = self._answer(now.seen, inverse)
         noise = self._noise if inverse is self._inverse else self._overlap(inverse)
         return Fit(

@@ -19,20 +19,17 @@ from typing import Final
 import numpy as np
 
 from torsight.actuator.record.holds import beside_corners, level_holds
-from torsight.actuator.record.log_noise import NEGLIGIBLE_C, SHORTEST, last_digit, measure_noise
+from torsight.actuator.record.log_noise import NEGLIGIBLE_C, PEAKLESS_C, SHORTEST, last_digit, measure_noise
 from torsight.actuator.record.ripple import ripple_peaks
 from torsight.actuator.record.slow_log import SLOW_S, Read, between, own_readings, tops_of, turns_missed, turns_reached
 from torsight.actuator.record.smoother import Smoothed, smoothed
 from torsight.actuator.record.turns import REVERSAL_C, at_places, turns_of
-from torsight.core.series import usual_step
+from torsight.core.series import rounding_variance, usual_step
 from torsight.core.units import Floats
 
 _BLOCK_S: Final = 0.1
 """Readings within this time are averaged: with twice this value slopes err by 14 % more and tops by 18 %
 (benchmarks/actuator/log_constants.py)."""
-
-_PEAKLESS_C: Final = 0.001
-"""Noise whose highest of a thousand peaks (3.1 σ) advances the angle in mid-stroke (26° per °C) by less than 0.1°."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,13 +121,13 @@ class Readings:
         noise, alike = measure_noise(time_s, temp_c)
         # Rounding to a last digit is noise of the slope, even where the noise of the value is negligible.
         digit_c = last_digit(temp_c)
-        digit = digit_c / math.sqrt(12.0)
+        digit = math.sqrt(rounding_variance(digit_c))
         least = max(noise, digit, 1e-6)
         # Read-only and strided arrays have types of their own: with one type a single compilation serves all records.
         times, means = (np.array(values, np.float64) for values in _blocks(time_s, temp_c, _BLOCK_S))
         of_block, correlation = measure_noise(times, means)
         sigma = max(of_block, 0.2 * least) * math.sqrt(correlation)
-        clean = noise <= _PEAKLESS_C
+        clean = noise <= PEAKLESS_C
         digit_noise = math.hypot(noise, digit)
         return cls(times, means, noise, alike, alike * interval_s, sigma, digit_noise, far_apart, clean)
 

@@ -8,7 +8,16 @@ from typing import Final
 import numpy as np
 from scipy.special import rel_entr
 
-from torsight.core.series import NORMAL_MEDIAN, constant_runs, difference_gain, differences, rms, usual_step
+from torsight.core.series import (
+    BY_CHANCE,
+    NORMAL_MEDIAN,
+    constant_runs,
+    difference_gain,
+    differences,
+    rms,
+    rounding_variance,
+    usual_step,
+)
 from torsight.core.units import Floats, Ints
 
 _MAX_STRIDE_S: Final = 2.0
@@ -19,11 +28,11 @@ NEGLIGIBLE_C: Final = 0.005
 """Errors of a temperature below this value change the angle by a tenth of a degree at most."""
 FINEST_C: Final = 1e-4
 """A tick: readings that differ by less count as equal; no thermometer has a finer last digit."""
-_BESIDE: Final = 3.0
-"""Number of ticks that count as a given multiple of a step: the nearest one and its two neighbours."""
-_AROUND: Final = 10.0
-"""Ticks around a multiple within which the changes of a log without a last digit are evenly spread: noise of 0.001 °C,
-which does not matter, spreads them that far."""
+PEAKLESS_C: Final = NEGLIGIBLE_C / BY_CHANCE
+"""Noise of which not even the highest peaks matter."""
+_AROUND: Final = PEAKLESS_C / FINEST_C
+"""Ticks around a multiple within which the changes of a log without a last digit are evenly spread: noise that does not
+matter spreads them that far."""
 _FREQUENT: Final = 256
 """Number of most frequent changes among which the last digit is searched: enough for noise of up to fifty digits."""
 _SURE: Final = math.log(1000.0 * _FREQUENT)
@@ -34,13 +43,10 @@ _FEW_ROWS: Final = 4
 _UNDONE: Final = 0.01
 """Share of the changes that the next one undoes: three in a thousand at most where rounding is all the noise, four in a
 hundred and more with noise of a tenth of the last digit."""
-_SCALE_DONE: Final = 1e-3
-"""Relative step at which Newton's iteration for a scale ends: a tenth of the scale's uncertainty with ten thousand
-readings."""
 _NOISE: Final = np.linspace(0.0, 1.0, 101)
 _ORDERS: Final = np.arange(1, 201)[:, None]
 _IN_MEAN: Final = np.sum(np.exp(-((2.0 * np.pi * _ORDERS * _NOISE) ** 2)) / (2.0 * (np.pi * _ORDERS) ** 2), axis=0)
-_SCATTER: Final = _NOISE**2 + 1.0 / 12.0 - _IN_MEAN
+_SCATTER: Final = _NOISE**2 + rounding_variance() - _IN_MEAN
 """``_IN_MEAN``: variance of the mean of readings due to rounding; ``_SCATTER``: variance of readings about their mean;
 both over their noise up to a whole digit, in digits (:func:`hidden_by_rounding`). Higher orders add less than 0.3 % of
 1/12."""
@@ -69,9 +75,10 @@ def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
         return found
     # Most of the time the log is constant to its last digit, which hides its noise.
     moving = _without_rests(temp_c, 4 * longest)
-    if found[0] <= NEGLIGIBLE_C < digit / math.sqrt(12.0):
+    rounding = math.sqrt(rounding_variance(digit))
+    if found[0] <= NEGLIGIBLE_C < rounding:
         noise, alike = _noise_at(time_s, moving, strides)
-        found = max(noise, digit / math.sqrt(12.0)), alike
+        found = max(noise, rounding), alike
     return max(found[0], _over_digits(moving, digit)), found[1]
 
 
@@ -127,7 +134,7 @@ def last_digit(temp_c: Floats) -> float:
     share c = 3/q of n changes lies within one tick of a multiple of a step of q ticks. If s is the share that does, the
     evidence of the step is n (s log(s/c) + (1 − s) log((1 − s)/(1 − c))); the last digit is the step with the most. The
     changes of a ramp are alike without a last digit, too, to their noise: it must also be evident among the changes
-    within ten ticks of a multiple alone. In a table of rows between the readings, as a film's, no change need be a
+    near a multiple alone. In a table of rows between the readings, as a film's, no change need be a
     multiple, but values that repeat are readings.
     """
     changes = _between_repeated(temp_c)
@@ -146,15 +153,20 @@ def _step_of(changes_c: Floats) -> float:
     ticks = np.rint(changes_c / FINEST_C)
     sizes, times = np.unique(ticks[ticks > 0.0], return_counts=True)
     steps = np.sort(sizes[np.argsort(-times, kind="stable")[:_FREQUENT]])
-    steps = steps[steps > _BESIDE]
+    steps = steps[steps > _ticks_within(1.0)]
     if not len(steps):
         return 0.0
     off = np.abs(sizes - steps[:, None] * np.rint(sizes / steps[:, None]))
-    chance, count = _BESIDE / steps, times.astype(np.float64)
+    chance, count = _ticks_within(1.0) / steps, times.astype(np.float64)
     best = int(np.argmax(_evidence((off <= 1.0) @ count, count.sum(), chance)))
     on, near = (float((off[best] <= reach) @ count) for reach in (1.0, _AROUND))
-    sure = _evidence(on, near, max(chance[best], _BESIDE / (2.0 * _AROUND + 1.0))) > _SURE
+    sure = _evidence(on, near, max(chance[best], _ticks_within(1.0) / _ticks_within(_AROUND))) > _SURE
     return float(steps[best]) * FINEST_C if sure else 0.0
+
+
+def _ticks_within(reach: float) -> float:
+    """Return the number of ticks that are no further than ``reach`` ticks from a multiple."""
+    return 2.0 * math.floor(reach) + 1.0
 
 
 def _evidence(count: Floats | float, whole: float, chance: Floats | float) -> Floats:
@@ -229,7 +241,8 @@ def _scale(rows: Floats) -> Floats:
         slope = np.sum(6.0 * (1.0 - inside) * inside**2, axis=1, where=known[left]) / count[left]
         step = np.clip(over / slope, -0.5, 0.5)
         scale[left] *= np.exp(step)
-        left = left[np.abs(step) > _SCALE_DONE]
+        # A scale is known to about the root of the number of differences: a tenth of that is reached.
+        left = left[np.abs(step) > 0.1 / np.sqrt(count[left])]
         if not len(left):
             break
     return np.asarray(scale / difference_gain())

@@ -23,7 +23,7 @@ from torsight.cli.checkup.separable import Separable, separable
 from torsight.core.errors import TorsightError
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
-from torsight.core.series import rms, runs, usual_step
+from torsight.core.series import rms, rounding_variance, runs, usual_step
 from torsight.core.units import DEG, Flags, Floats
 from torsight.core.words.wording import counted, effect_name, listed, number
 
@@ -247,7 +247,7 @@ def _most_restless(time_s: Floats, temp_c: Floats, segments: list[HeatingSegment
         return 0.0
     still = _sizes(time_s, temp_c, ~np.logical_or.reduce(inside))
     # Readings that do not change at rest have the error of the last digit when the temperature changes.
-    still = np.maximum(still, last_digit(temp_c) ** 2 / 12.0)
+    still = np.maximum(still, rounding_variance(last_digit(temp_c)))
     changing = [rows for rows in heated if 2 * np.count_nonzero(np.diff(temp_c[rows])) >= np.count_nonzero(rows)]
     return max((_beyond(_sizes(time_s, temp_c, rows), still) for rows in changing), default=0.0)
 

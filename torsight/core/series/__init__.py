@@ -23,8 +23,15 @@ APART: Final = math.sqrt(2.0) * BY_CHANCE
 """The same limit for the difference of two samples, in standard deviations of one sample."""
 NORMAL_MEDIAN: Final = NormalDist().inv_cdf(0.75)
 """Median of the absolute value of a standard normal variable."""
+FEWEST: Final = 8
+"""Fewest samples from which the size of noise, or at least a bound of it, is estimated: to a quarter, 1 / √(2 · 8)."""
 ORDER: Final = 3
 """Order of the differences that separate noise from a trend: third differences of lines and parabolas are zero."""
+
+
+def rounding_variance(step: float = 1.0) -> float:
+    """Return the variance of the error by rounding to multiples of a step, or of light over a pixel: step² / 12."""
+    return step**2 / 12.0
 
 
 def runs(flag: Flags) -> list[tuple[int, int]]:

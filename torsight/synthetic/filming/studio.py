@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.series import rounding_variance
 from torsight.core.units import DEG, Floats, Ints
 from torsight.synthetic.filming.camera_work import Bar, marker_points
 from torsight.synthetic.filming.optics import View
@@ -28,7 +29,7 @@ class Studio:
         self._light = _light(scene, width, height)
         self._texture = _texture(scene, width, height)
         # The area of a pixel blurs an edge like a box of width one.
-        self._blur_px = math.sqrt(scene.light.blur_px**2 + 1.0 / 12.0)
+        self._blur_px = math.sqrt(scene.light.blur_px**2 + rounding_variance())
         heights = (scene.camera.base_z_mm, scene.camera.moving_z_mm)
         self._planes = [view.plane_from_ray(z_mm) for z_mm in heights]
         sticks = scene.sticks
