@@ -30,7 +30,7 @@ from torsight.actuator.record import segments  # noqa: E402 - needs the path abo
 from torsight.core.units import DEG  # noqa: E402 - needs the path above
 
 CONSTANTS = (
-    "_TURN_C", "_RISE_C", "_BEFORE_S", "_JUMP_S", "_JUMP_RAD", "_COLD_SHARE",
+    "TURN_C", "_BEFORE_S", "_JUMP_S", "_JUMP_RAD", "_COLD_SHARE",
 )  # fmt: skip
 Array = NDArray[np.float64]
 

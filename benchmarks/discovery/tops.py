@@ -41,7 +41,7 @@ from torsight.discovery.settings import Settings
 
 FACTORS = (0.5, 1.0, 2.0)
 SEEDS = 6
-CONSTANTS = ((temperature_errors, "_TOP_C"), (temperature_errors, "_DRAWS"))
+CONSTANTS = ((temperature_errors, "TURN_C"), (temperature_errors, "_DRAWS"))
 
 
 class Scaled(ActuatorProblem):

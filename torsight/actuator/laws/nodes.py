@@ -9,6 +9,7 @@ import numpy as np
 from torsight.actuator.drive import Drive
 from torsight.actuator.laws.acts import DIFFERING
 from torsight.actuator.laws.phase_window import BRANCH, OWN_STEPS
+from torsight.actuator.record.turns import REVERSAL_C
 from torsight.core.series import usual_step
 from torsight.core.units import DEG, Floats
 
@@ -21,8 +22,6 @@ _BEYOND: Final = (0.12, 0.3)
 model of this record is not to be trusted."""
 COLDEST: Final = len(_BEYOND)
 """Index of the node at the lowest temperature that the record covers."""
-_LEAST_WARMING_C: Final = 3.0
-"""Range of the passive spring's temperature below which a record contains no information on laws over it."""
 
 
 class Nodes(NamedTuple):
@@ -70,7 +69,7 @@ def passive_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over the other spring's temperature, °C; None where it hardly warms up."""
     passive_c = drive.temps_by_role()[1]
     low, high = float(passive_c.min()), float(np.quantile(passive_c, 0.99))
-    return _over(low, high, _NODES) if high - low > _LEAST_WARMING_C else None
+    return _over(low, high, _NODES) if high - low > REVERSAL_C else None
 
 
 def rate_nodes(drive: Drive) -> Nodes | None:

@@ -15,15 +15,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.actuator.record.turns import REVERSAL_C
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.series import APART, BY_CHANCE, extremes, runs, scatter
 from torsight.core.units import DEG, Flags, Floats, Ints
 
 # benchmarks/actuator/half_cycles.py measures the effect of half and twice of these constants: no half-cycle's spring
 # changes, and no start but those that are mentioned.
-_TURN_C: Final = 1.0
-_RISE_C: Final = 4.0
-"""Least reversal of a temperature at a turn, and its least rise in a heating; larger for a noisy temperature."""
+TURN_C: Final = 1.0
+"""Least reversal of a temperature at a turn, larger for a noisy temperature."""
 _BEFORE_S: Final = 40.0
 """Longest time between a jump of the angle and the visible heating that causes it. With half this value a jump is
 missed in one of 25 half-cycles that have one."""
@@ -37,7 +37,7 @@ _COLD_SHARE: Final = 0.2
 
 def turn_of(noise_c: float) -> float:
     """Return the least reversal of a temperature that counts as a turn, °C."""
-    return max(_TURN_C, APART * noise_c)
+    return max(TURN_C, APART * noise_c)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,8 +101,8 @@ def half_cycles(
         heatings, switched = _switched(temps, (heat_a, heat_b)), True
         _require_own_rise(_merged(heatings, temps), temps, (heat_a, heat_b), where=where)
     else:
-        heatings = _driven(temps, rise_c=max(_RISE_C, 2.0 * BY_CHANCE * noise_c), turn_c=turn_of(noise_c))
-    if not any(item.top_c - item.base_c >= _RISE_C for item in heatings):
+        heatings = _driven(temps, rise_c=max(REVERSAL_C, 2.0 * BY_CHANCE * noise_c), turn_c=turn_of(noise_c))
+    if not any(item.top_c - item.base_c >= REVERSAL_C for item in heatings):
         raise _unheated(temps, where=where)
     chained = _merged(heatings, temps)
     if not switched:
@@ -154,15 +154,15 @@ def _unheated(temps: tuple[Floats, Floats], *, where: str) -> InputError | NoRes
     """Return the error for a record in which no spring is driven alone."""
     span = [float(np.max(t) - np.min(t)) for t in temps]
     value = f"temperatures that change by {span[0]:.1f} °C (A) and {span[1]:.1f} °C (B)"
-    if min(span) >= _RISE_C:
+    if min(span) >= REVERSAL_C:
         return InputError(
             "both springs are heated simultaneously, and neither alone",
             where=where,
             value=value,
-            limit=f"a rise of {_RISE_C:g} °C or more of one spring over the other",
+            limit=f"a rise of {REVERSAL_C:g} °C or more of one spring over the other",
             do="heat one spring at a time, or check that the two temperature columns are two sensors",
         )
-    limit = f"a rise of {_RISE_C:g} °C or more of the driven spring over the other"
+    limit = f"a rise of {REVERSAL_C:g} °C or more of the driven spring over the other"
     do = "record at least one heating and cooling"
     return NoResultError("neither spring is heated", where=where, value=value, limit=limit, do=do)
 
@@ -188,7 +188,7 @@ def _require_own_rise(
         rises_c[item.spring] += [np.max(temp_c[on]) - temp_c[item.start] for temp_c in temps]
     for spring in (0, 1):
         own_c, other_c = rises_c[spring, spring], rises_c[spring, 1 - spring]
-        if other_c > max(own_c, _RISE_C):
+        if other_c > max(own_c, REVERSAL_C):
             name, other = "ab"[spring], "ab"[1 - spring]
             raise InputError(
                 f"spring {other.upper()} warms while spring {name.upper()} is said to be heated",

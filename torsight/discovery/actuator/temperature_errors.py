@@ -23,13 +23,11 @@ from torsight.actuator.drive import Drive
 from torsight.actuator.record.holds import LEAST_HOLD_S
 from torsight.actuator.record.log_noise import NEGLIGIBLE_C
 from torsight.actuator.record.ripple import UNSURE
+from torsight.actuator.record.segments import TURN_C
 from torsight.actuator.record.sensors import Added
 from torsight.core.series import rms, usual_step
 from torsight.core.units import Floats, Ints
 
-_TOP_C: Final = 1.0
-"""Distance below a top over which its error decreases by e. The resulting errors of the angle change by 2 % with half
-and twice this value (benchmarks/discovery/tops.py, --constants)."""
 _DRAWS: Final = 24
 """Number of draws. A row in which a disk may jump counts as noisy only if a draw moves the jump: the log evidence of
 six clean records varies with the seed by 3 units (median; 4 at most), with half as many draws by 5 (54)
@@ -124,12 +122,14 @@ def _heatings(drive: Drive) -> Iterator[tuple[slice, int, int]]:
 def _lasting(drive: Drive) -> Iterator[tuple[slice, Floats]]:
     """Yield one standard deviation of every persistent error: its rows, and the errors (2, k) of both springs there.
 
-    Of every half-cycle's top these are the errors of its level and of its last rise.
+    Of every half-cycle's top these are the errors of its level and of its last rise. The former decreases by e over the
+    least reversal below it; with half and twice of that the errors of the angle change by 2 %
+    (benchmarks/discovery/tops.py, --constants).
     """
     for rows, spring, turn in _heatings(drive):
         driven_c, time_s = (drive.temp_a_c, drive.temp_b_c)[spring], drive.time_s
         own = np.arange(2)[:, None] == spring
-        level_c = own * drive.temp_sigma_c[turn] * np.exp(-(driven_c[turn] - driven_c[rows]) / _TOP_C)
+        level_c = own * drive.temp_sigma_c[turn] * np.exp(-(driven_c[turn] - driven_c[rows]) / TURN_C)
         yield rows, level_c
         # Over the shortest hold the rise is as uncertain as the level: 0.4 of one sample's noise at four rows a second
         # (from the slope of 17 samples, at their end).
