@@ -18,6 +18,7 @@ from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_toml
 from torsight.core.frozen import Frozen
 from torsight.core.parameter import Parameter
+from torsight.core.series import rounding_variance
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +79,8 @@ _OF_SPRINGS: Final = keys_of("geometry", "material")
 ALL_KEYS: Final[Mapping[str, _Key]] = {**KEYS, **{SPRING_B + name: KEYS[name] for name in _OF_SPRINGS}}
 """``KEYS``, and the keys of values that may be given for spring B alone."""
 _CHARACTERISED: Final = tuple(name for name in keys_of("material") if not name.startswith("C_"))
-ZERO_SIGMA_DEG: Final = 30.0
-"""Standard deviation of the sticks' zero where it was not measured: the sticks are mounted by eye. Half and twice this
-value change no printed digit of friction and zero, on two records of an independently simulated rig."""
+ZERO_SIGMA_DEG: Final = math.sqrt(rounding_variance(360.0))
+"""Standard deviation of the sticks' zero where it was not measured: any direction is as likely."""
 
 TABLES: Final = ("geometry", "material", "assembly", "friction", "sticks", "spring_b", "uncertainty")
 _REQUIRED: Final = TABLES[:4]

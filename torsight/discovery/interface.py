@@ -14,6 +14,7 @@ only those other members whose defaults do not fit.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -34,9 +35,9 @@ _R = TypeVar("_R")
 OVER_GIVEN: Final = 3.0
 """Ratio of a residual that no law explains to a given noise from which something is missing: three standard deviations
 ..."""
-OVER_ESTIMATED: Final = 10.0
+OVER_ESTIMATED: Final = math.sqrt(10.0) * OVER_GIVEN
 """... and its ratio to a noise that was estimated from the scatter of neighbours: noise that is correlated over ten
-samples scatters about three times less than its size."""
+samples scatters by the root of ten less than its size."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -20,9 +20,6 @@ from torsight.core.units import DEG, Floats
 from torsight.core.words.shown import span
 from torsight.discovery.actuator.kept_rows import rest_mask
 from torsight.discovery.actuator.temperature_errors import lasting_sums, smooth_errors, with_errors
-
-_HALVINGS: Final = 20
-"""Number of bisections of the interval's half-width, after which it is known to a millionth of its upper bound."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -137,7 +134,8 @@ def _with_alternatives(sigma: Floats, apart: Floats, share: Floats) -> Floats:
     middles, parts = np.vstack([np.zeros(len(sigma)), apart]), np.array([1.0 - share.sum(), *share])
     low, high = np.zeros(len(sigma)), furthest + 2.0 * REACH * sigma
     wanted = 2.0 * ndtr(REACH) - 1.0
-    for _ in range(_HALVINGS):
+    # Each bisection adds a bit to the half-width.
+    for _ in range(np.finfo(np.float64).nmant):
         half = 0.5 * (low + high)
         held = parts @ (ndtr((half - middles) / sigma) - ndtr((-half - middles) / sigma))
         low, high = np.where(held < wanted, half, low), np.where(held < wanted, high, half)

@@ -55,6 +55,7 @@ from torsight.actuator.stepping.kernel_laws import (
 )
 from torsight.actuator.stepping.kernel_roots import (
     SLIP_TOLERANCE,
+    TORQUE_TOLERANCE,
     crosstalk,
     excess_at_rest,
     give_way,
@@ -69,8 +70,9 @@ from torsight.actuator.stepping.kernel_starts import mirror_hold, start_half_cyc
 from torsight.core.compiled import compiled, copy_to, inlined, shared
 from torsight.core.units import DEG, Floats
 
-_AGREED_NM: Final = 1e-11
-"""Difference of torque that moves the disk by a millionth of a degree."""
+_AGREED_NM: Final = 100.0 * TORQUE_TOLERANCE
+"""Difference of torque that ends the balances of both springs: each rests on roots with their own tolerance. It moves
+the disk by 1e-8 rad."""
 _BALANCES: Final = 8
 """Largest number of balances of one sample; three or four secants suffice."""
 _STANDS_RAD_S: Final = 0.05 * DEG

@@ -13,6 +13,7 @@ its window, for heating and cooling.
 
 from __future__ import annotations
 
+import sys
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ from torsight.core.compiled import compiled, copy_to, inlined, lending, numbers
 from torsight.core.units import Floats, Ints
 
 _FIRST_PLACE: Final = float(PLACES[0])
-ROUNDED: Final = 1e-14
+ROUNDED: Final = 50.0 * sys.float_info.epsilon
 """Change below which a fraction, or an angle in radians, counts as unchanged: fifty times the rounding error of 1."""
 
 SEATS: Final = 5

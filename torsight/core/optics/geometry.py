@@ -11,6 +11,7 @@ Every function takes arrays with any leading shape and propagates NaN.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -21,11 +22,12 @@ from torsight.core.units import Floats
 if TYPE_CHECKING:
     from torsight.core.optics.camera import Intrinsics, Pose, RightCamera
 
-_NEWTON_STEPS: Final = 30
-"""Most Newton steps: lenses with k1 from −0.4 to 0.2 take 3 to 9, points in two pictures 5; where the model folds over
-there is no ray."""
-_RAY_TOLERANCE: Final = 1e-12
-"""Size of the last step, in units of the focal length (1e-9 px), or of the depth of a point in space."""
+_MOST_STEPS: Final = int(np.finfo(np.float64).nmant)
+"""Most Newton steps, as many as a method takes that gains a bit in each: lenses with k1 from −0.4 to 0.2 take 3 to 9,
+points in two pictures 5; where the model folds over there is no ray."""
+_LAST_STEP: Final = math.sqrt(np.finfo(np.float64).eps)
+"""Size of the last step, in units of the focal length, or of the depth of a point in space: Newton's steps are squared
+from one to the next, so that the one after it would be a rounding error."""
 
 
 def rotation_matrix(rvec: Floats) -> Floats:
@@ -100,15 +102,15 @@ def ray_from_pixel(position_px: Floats, intrinsics: Intrinsics) -> tuple[Floats,
     bent = (np.asarray(position_px, np.float64) - _centre(intrinsics)) / _focal(intrinsics)
     ray = bent.copy()
     with np.errstate(all="ignore"):
-        for _ in range(_NEWTON_STEPS):
+        for _ in range(_MOST_STEPS):
             value, derivative = distort(ray, intrinsics.distortion)
             step = applied(_inverse_2x2(derivative), value - bent)
             ray = ray - step
-            if not np.any(np.abs(step) > _RAY_TOLERANCE):
+            if not np.any(np.abs(step) > _LAST_STEP):
                 break
         value, derivative = distort(ray, intrinsics.distortion)
         determinant = derivative[..., 0, 0] * derivative[..., 1, 1] - derivative[..., 0, 1] ** 2
-        good = (determinant > 0.0) & np.all(np.abs(value - bent) < 1e3 * _RAY_TOLERANCE, axis=-1)
+        good = (determinant > 0.0) & np.all(np.abs(value - bent) < _LAST_STEP, axis=-1)
         ray = np.where(good[..., None], ray, np.nan)
         inverse = _inverse_2x2(derivative) / _focal(intrinsics)
     return ray, np.where(good[..., None, None], inverse, np.nan)
@@ -191,11 +193,11 @@ def triangulate(
             weights.append(_inverse_2x2(carried(covariance, derivative)))
     rotation, shift = rotation_matrix(right.rvec), right.tvec_mm
     point = meeting_point(rays[0], rays[1], rotation=rotation, shift=shift)
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(_MOST_STEPS):
         normal, gradient, _ = _normal_equations(point, rays, weights, rotation=rotation, shift=shift)
         step = applied(_inverse_3x3(normal), gradient)
         point = point - step
-        if not np.any(np.abs(step) > _RAY_TOLERANCE * np.abs(point[..., 2:])):
+        if not np.any(np.abs(step) > _LAST_STEP * np.abs(point[..., 2:])):
             break
     normal, _, chi_squared = _normal_equations(point, rays, weights, rotation=rotation, shift=shift)
     front = (point[..., 2] > 0.0) & ((point @ rotation.T + shift)[..., 2] > 0.0)

@@ -7,6 +7,7 @@ unit.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from datetime import date, datetime, timedelta
 from typing import Final
 
 import numpy as np
@@ -14,18 +15,18 @@ import numpy as np
 from torsight.core.errors import InputError
 from torsight.core.units import DEG, Floats
 
-LATEST_S: Final = 1e11
-"""Largest timestamp in seconds: milliseconds of the calendar have 13 digits."""
-FINEST_S: Final = 1e-6
-"""Shortest interval of rows: no camera and no temperature logger is faster."""
+LATEST_S: Final = (date.max - date(1970, 1, 1)) / timedelta(seconds=1)
+"""Largest timestamp in seconds: the end of the calendar; milliseconds of today are seven times as many."""
+FINEST_S: Final = datetime.resolution / timedelta(seconds=1)
+"""Shortest interval of rows: that of the calendar's times, a microsecond; no camera and no logger is faster."""
 MOST_ROWS_APART_S: Final = 1e8
 """Longest duration: no record lasts for three years."""
 MOST_TURNED_DEG: Final = 1e6
 """Largest angle, 2,800 turns: springs are wound by one and a half."""
 _SLOWEST_HALF_S: Final = 7200.0
 """Longest time for half of a heating, which takes minutes; a record in milliseconds seems a thousand times longer."""
-SHORTEST_S: Final = 2.0
-"""Shortest record: a heating takes minutes; a record in minutes or hours seems 60 or 3,600 times shorter."""
+SHORTEST_S: Final = _SLOWEST_HALF_S / 3600.0
+"""Shortest record: what lasts no longer, and would be half of a heating, is in hours."""
 SPRING_C: Final = (-273.15, 250.0)
 """Range of a spring's temperature: absolute zero to the limit of readings of a working instrument (sync.log.outliers);
 a room in kelvin has 290."""

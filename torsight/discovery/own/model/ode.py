@@ -18,7 +18,7 @@ import numpy as np
 from torsight.core.errors import InputError
 from torsight.core.parameter import Parameter
 from torsight.core.units import Floats
-from torsight.discovery.own.compiled.integration import ATOL_SHARE, MOMENT, TOO_MANY, TooManyStepsError
+from torsight.discovery.own.compiled.integration import ATOL_SHARE, MOMENT, RTOL, TOO_MANY, TooManyStepsError
 from torsight.discovery.own.model import given
 from torsight.discovery.own.model.values import ByName
 from torsight.discovery.own.own_records import Record, column_of, time_of
@@ -26,9 +26,6 @@ from torsight.discovery.own.own_records import Record, column_of, time_of
 if TYPE_CHECKING:
     from torsight.discovery.own.compiled.stepper import Stepper
 
-RTOL: Final = 1e-7
-"""Relative tolerance: derivatives are differences over 2 % of a parameter's scale, which an error of 1e-7 leaves good
-to four digits; SciPy's own default of 1e-3 would drown them."""
 EQUAL: Final = 10.0 * RTOL
 """Share of a signal's spread by which two signals may differ that should be equal: two integrations differ by ten times
 their tolerance, and a table's digits are no finer."""
