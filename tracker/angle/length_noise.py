@@ -16,14 +16,12 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.series import robust_sigma
+from torsight.core.series import FEWEST, robust_sigma
 from torsight.core.units import Flags, Floats
 from tracker.stick_direction import Points
 
 LEAST_FRAMES: Final = 30
 """Frames in motion, or at rest, from which the size of their errors is estimated: to an eighth."""
-_FEW_FRAMES: Final = 8
-"""Frames in motion, or at rest, from which at least an upper bound of their errors is estimated."""
 _STILL_FRAMES: Final = 11
 _STILL_PX: Final = 0.2
 """A stick rests while its markers keep within ``_STILL_PX`` over ``_STILL_FRAMES``."""
@@ -96,7 +94,7 @@ def witness(stick: Sequence[Points], *, moves: Flags, turns: bool = True) -> Len
                 use[kind] = True
     residual[known] = left
     # Neither frames at rest alone nor a few frames show how large an error may be.
-    told = [spread for kind, spread in zip(kinds, spreads, strict=True) if kind.sum() >= _FEW_FRAMES]
+    told = [spread for kind, spread in zip(kinds, spreads, strict=True) if kind.sum() >= FEWEST]
     noise = float(np.sqrt(np.median(variance[known])))
     outlier[known] = np.abs(left) > max(8.0 * max(told), 6.0 * noise)
     scale, still = _scales(left**2 / variance[known], use, moves[known])
@@ -124,7 +122,7 @@ def _scales(square: Floats, use: Flags, moves: Flags) -> tuple[float, float]:
     motion, rest = use & moves, use & ~moves
     overall = over(use)
     scale = over(motion) if motion.sum() >= LEAST_FRAMES else overall
-    if _FEW_FRAMES <= motion.sum() < LEAST_FRAMES:
+    if FEWEST <= motion.sum() < LEAST_FRAMES:
         scale = max(overall, over(motion))
     if rest.sum() < LEAST_FRAMES:
         return scale, scale

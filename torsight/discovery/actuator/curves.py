@@ -8,12 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.fitted import FittedModel
+from torsight.actuator.record.log_noise import NEGLIGIBLE_C
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.fitting import Fit
-
-_STILL_C_S = 0.01
-"""Rate of the driven spring's temperature below which the spring is neither heating nor cooling."""
 
 
 def curve_columns(
@@ -26,7 +24,8 @@ def curve_columns(
     observed = drive.angle_rad / DEG
     ahead_deg = 360.0 * drive.turns
     rate, _ = drive.rates_by_role()
-    direction = np.where(np.abs(rate) < _STILL_C_S, "rest", np.where(rate > 0.0, "heating", "cooling"))
+    # A temperature that advances by no more than negligible noise a second stands.
+    direction = np.where(np.abs(rate) < NEGLIGIBLE_C, "rest", np.where(rate > 0.0, "heating", "cooling"))
     return {
         "time_s": drive.time_s,
         "angle_deg": observed + ahead_deg,

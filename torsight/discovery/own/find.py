@@ -12,7 +12,7 @@ import numpy as np
 from torsight.core.parallel.threads import one_thread
 from torsight.core.parameter import REACH
 from torsight.core.progress import Progress, silent
-from torsight.core.series import rms, scatter
+from torsight.core.series import FEWEST, rms, scatter
 from torsight.core.units import Floats
 from torsight.discovery.inference import engine
 from torsight.discovery.inference.explanation import Explanation
@@ -29,7 +29,6 @@ from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.quiet import aloud, heard
 from torsight.discovery.own.model.values import Curve
-from torsight.discovery.own.own_records import LEAST_ROWS
 from torsight.discovery.own.prepare import MUCH_BETTER, prepare
 from torsight.discovery.settings import Settings
 
@@ -172,7 +171,7 @@ def _noise_given(problem: ModelProblem, found: engine.Findings) -> list[str]:
     for k, output in enumerate(problem.model.outputs):
         pieces = [left[place][np.isfinite(left[place])] for _, own, place in problem.layout.places if own == k]
         rows = np.concatenate(pieces)
-        if len(rows) < LEAST_ROWS:
+        if len(rows) < FEWEST:
             continue
         between, whole = scatter(*pieces), rms(rows)
         # The relative standard deviation of a standard deviation of n values is 1/√(2n).

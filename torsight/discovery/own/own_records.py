@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.files.storage import read_table
+from torsight.core.series import FEWEST
 from torsight.core.units import Floats
 from torsight.discovery.own.model.values import ByName
 
@@ -26,8 +27,6 @@ else:
 _TIMES: Final = ("time_s", "time", "t_s", "t")
 """Names of a column that is the time where none is named, in order of preference; capitals and text in brackets do not
 matter: ``Time (s)``."""
-LEAST_ROWS: Final = 8
-"""Rows below which neither noise nor correlation of a residual can be measured."""
 
 
 class Record(ByName[Floats]):
@@ -127,12 +126,12 @@ def _checked(columns: Mapping[str, NDArray[Any]], label: str, where: str) -> Rec
     if columns and not numbers:
         do = "give a row of names, then rows of numbers, separated by commas; remove lines above the names"
         raise InputError("has no column of numbers", where=where, value=", ".join(columns), do=do)
-    if not numbers or rows < LEAST_ROWS:
+    if not numbers or rows < FEWEST:
         raise InputError(
             "holds too little",
             where=where,
             value=f"{rows} rows, {len(numbers)} columns of numbers",
-            limit=f"{LEAST_ROWS} rows or more",
+            limit=f"{FEWEST} rows or more",
             do="record it again",
         )
     texts = {name: _text_among_numbers(values) for name, values in columns.items() if name not in numbers}

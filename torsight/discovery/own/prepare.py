@@ -30,6 +30,7 @@ from torsight.discovery.own.answer.laws import usual_forms, with_nodes
 from torsight.discovery.own.follow import Stretched, begun_anew, follows, kept_s, led_on, over_stretches, span_s
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.reading_error import without_readings
+from torsight.discovery.weight import NOTHING
 
 _POINTS: Final = 12
 """Number of points within the bounds at which the plain model, or a candidate, is evaluated ..."""
@@ -41,9 +42,6 @@ MUCH_BETTER: Final = 0.8
 """Share of the cost below which a fit from another start has found another minimum, which is reported."""
 _ONE_BLOCK: Final = 0.99
 """Share of a record's information about a value above which a single block determines the value."""
-_ALIKE: Final = 1e-3
-"""Smallest singular value of the normalised differences of parameters up to which they cannot be distinguished: a
-solver's tolerance of 1e-6 changes central differences over ``STEP_SHARE`` of a scale by 5e-5 of themselves."""
 
 
 def prepare(problem: ModelProblem) -> tuple[ModelProblem, tuple[str, ...]]:
@@ -233,7 +231,8 @@ def _apart(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]:
     if not (size > 0.0).all():
         return []
     left, directions = np.linalg.svd(columns / size, full_matrices=False)[1:]
-    if left[-1] > _ALIKE:
+    # A solver's tolerance of 1e-6 changes central differences over ``STEP_SHARE`` of a scale by 5e-5 of themselves.
+    if left[-1] ** 2 > NOTHING:
         return []
     part = np.abs(directions[-1])
     alike = [names[j] for j, share in zip(free, part, strict=True) if share > 0.1 * part.max()]

@@ -16,7 +16,7 @@ from torsight.core.files.provenance import file_hash
 from torsight.core.files.storage import read_json, write_json
 from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
-from torsight.core.series import rms
+from torsight.core.series import FEWEST, rms
 from torsight.core.units import Floats
 from torsight.discovery.inference.explanation import Explanation
 from torsight.discovery.inference.fitting import space_of
@@ -29,7 +29,7 @@ from torsight.discovery.own.model.model_file import Declared, declared_in, decla
 from torsight.discovery.own.model.ode import START_ERROR, Ode
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Curve
-from torsight.discovery.own.own_records import LEAST_ROWS, Record, Table, column_of, read_records, time_column, time_of
+from torsight.discovery.own.own_records import Record, Table, column_of, read_records, time_column, time_of
 from torsight.discovery.weight import Weight
 
 KIND: Final = "own model"
@@ -265,7 +265,7 @@ class SavedModel:
         if any(name not in record for name in self.outputs):
             return values, (note,)
         # Later rows contain less and less information about initial states, and are to be predicted.
-        rows = min(record.rows_, max(LEAST_ROWS, round(0.1 * record.rows_)))
+        rows = min(record.rows_, max(FEWEST, round(0.1 * record.rows_)))
         observed = np.column_stack([record[name] for name in self.outputs])
         each = np.where(np.isfinite(observed), 1.0 / np.array(self.noise) ** 2, 0.0)
         each[rows:] = 0.0

@@ -15,15 +15,15 @@ from typing import Final
 import numpy as np
 
 from torsight.core.errors import InputError
-from torsight.core.series import APART, BY_CHANCE, bridged, means_beside, runs, scatter
+from torsight.core.series import APART, BY_CHANCE, FEWEST, bridged, means_beside, runs, scatter
 from torsight.core.units import Flags, Floats, Ints
 from torsight.discovery.own.model import given
-from torsight.discovery.own.own_records import LEAST_ROWS, Record, column_of
+from torsight.discovery.own.own_records import Record, column_of
 
 _BLOCKS: Final = (int, np.integer, str, list, tuple, np.ndarray, type(None))
 PerOutput = float | str | Mapping[str, float | str] | None
 
-_STILL_ROWS: Final = 2 * LEAST_ROWS
+_STILL_ROWS: Final = 2 * FEWEST
 """Rows over which a reading must be constant to count as at rest: each half has the fewest rows that show its noise."""
 
 
@@ -183,7 +183,7 @@ def per_output(wanted: PerOutput, records: Sequence[Record], outputs: Sequence[s
 def noise_of(observed: Sequence[Floats], output: int) -> float:
     """Return the noise of one reading of an output, estimated from its scatter; fast motion counts as noise, too."""
     pieces = [own[np.isfinite(own[:, output]), output] for own in observed]
-    return scatter(*[piece for piece in pieces if len(piece) >= LEAST_ROWS])
+    return scatter(*[piece for piece in pieces if len(piece) >= FEWEST])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -264,12 +264,12 @@ def blocks_of(
 def check_blocks(block: Ints, valid: Flags) -> list[str]:
     """Return warnings about the blocks; a block that holds hardly any sample is refused."""
     labels, counts = np.unique(block[valid], return_counts=True)
-    if counts.min() < LEAST_ROWS:
+    if counts.min() < FEWEST:
         raise InputError(
             f"block {labels[counts.argmin()]} holds hardly any sample",
             where="blocks",
             value=int(counts.min()),
-            limit=f"{LEAST_ROWS} or more",
+            limit=f"{FEWEST} or more",
             do="take fewer and longer blocks",
         )
     if len(labels) == 1:
