@@ -37,7 +37,7 @@ CONSTANTS = {
     "follow/camera_state": ("SHAKE_PX", "TURN_RAD", "OFF_CIRCLE"),
     "follow/judgement": ("_LENGTH", "CLOSE", "NEAR"),
     "follow/learning": ("_CHANGE_PX",),
-    "follow/motion_model": ("STALE", "JUMP", "_GROWTH"),
+    "follow/motion_model": ("STALE", "JUMP"),
     "follow/reading": ("_DEVIATIONS", "_NEVER"),
     "follow/rotation_axis": ("STANDS_PX", "OFF_CIRCLE_PX"),
     "follow/redetect": ("_SLACK",),

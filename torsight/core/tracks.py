@@ -18,6 +18,9 @@ MARKERS: Final = ("base_inner", "base_outer", "moving_inner", "moving_outer")
 """The order of the four markers wherever an axis has length four."""
 USUAL_SHARE: Final = 0.9
 """Share of the frames with a result above which a track has no warning, by the contract."""
+FEW: Final = (1.0 - USUAL_SHARE) / 5.0
+"""Share of a film's frames, or of its time, that is not reported: a fifth of the share that a track may lack without a
+warning."""
 LEAST_SURE: Final = 0.55
 """Least probability that the chosen markers are the right ones: below it a film has no result.
 

@@ -15,15 +15,13 @@ from torsight.core.units import Floats
 from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, LIGHT, MOVING_COLOUR, Colour, rgb
 from torsight.core.words.wording import capital
 from torsight.markers.beginning import SHOWN_PX
-from torsight.markers.sheet import BLACK, MARGIN_PX, RING_PX, WHITE, Sheet, ticks
+from torsight.markers.sheet import BLACK, MARGIN_PX, RING_PX, WHITE, Sheet, letters_in, ticks
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tracker.detect.candidates import Candidate, Sighting
 
-_LINE_CHARACTERS: Final = 98
-"""Longest line of the list beside the frame."""
 _DOT: Final = rgb(LIGHT["held"])
 _REFUSED: Final = (204, 121, 167)
 """A dot that was not taken; a candidate that is no dot."""
@@ -46,15 +44,17 @@ def write_preview(
     """
     scale = SHOWN_PX / max(luma.shape)
     frame = cv2.resize(luma, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
-    said = textwrap.wrap(capital(message or _found_words(seen, named_px)), _LINE_CHARACTERS)
+    # The list beside the frame has lines of 18 px, and a mark before each.
+    list_px, line_px = 680, 18
+    longest = letters_in(list_px - 16)
+    said = textwrap.wrap(capital(message or _found_words(seen, named_px)), longest)
     said += ["Rings in yellow: the positions that were given."] if given_px is not None else []
     listed: list[tuple[Colour | None, str]] = [
-        (_colour(one), line) for one in seen.candidates for line in _lines(one)
+        (_colour(one), line) for one in seen.candidates for line in _lines(one, longest)
     ] or [(None, "no place looks like a dot")]
-    # The list beside the frame has lines of 18 px and is 680 px wide.
-    beside, line_px = MARGIN_PX + frame.shape[1] + 20, 18
+    beside = MARGIN_PX + frame.shape[1] + 20
     rows = max(frame.shape[0] + 30, line_px * (len(said) + len(listed) + 1))
-    sheet = Sheet(beside + 680, MARGIN_PX + rows)
+    sheet = Sheet(beside + list_px, MARGIN_PX + rows)
     sheet.text(title, MARGIN_PX, 24, size=16, bold=True)
     sheet.pixels[MARGIN_PX : MARGIN_PX + frame.shape[0], MARGIN_PX : MARGIN_PX + frame.shape[1]] = frame[..., None]
 
@@ -105,9 +105,9 @@ def _colour(one: Candidate) -> Colour:
     return _DOT if one.is_dot else _REFUSED
 
 
-def _lines(one: Candidate) -> list[str]:
+def _lines(one: Candidate, longest: int) -> list[str]:
     text = f"{one.number:>2}  [{one.x_px:.1f}, {one.y_px:.1f}]  r {one.radius_px:.1f} px: {one.reason or 'marker'}"
-    return textwrap.wrap(text, _LINE_CHARACTERS, subsequent_indent=" " * 6)
+    return textwrap.wrap(text, longest, subsequent_indent=" " * 6)
 
 
 def _draw_grid(sheet: Sheet, at: Callable[[float, float], Floats], size_px: tuple[int, int]) -> None:

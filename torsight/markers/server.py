@@ -20,11 +20,12 @@ from typing import Any, Final
 
 from torsight.core.errors import ConfigError, NoResultError, TorsightError, reason_of, refused_by_system
 from torsight.core.files.paths import LOOPBACK
+from torsight.core.progress import THOUGHT_S
 from torsight.markers.session import Session
 
 PAGE: Final = Path(__file__).parent / "page.html"
-_BEAT_S: Final = 0.5
-"""Interval at which data are sent to the page, to notice when it has been closed."""
+_BEAT_S: Final = 0.5 * THOUGHT_S
+"""Interval at which data are sent to the page, to notice within a second when it has been closed."""
 _RELOAD_S: Final = 4.0 * _BEAT_S
 """A page that returns within this time was only reloaded."""
 _LARGEST: Final = 100_000

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from string import ascii_lowercase
 from typing import Any, Final
 
 import cv2
@@ -88,6 +89,12 @@ class Sheet:
         """Write the picture as a PNG file, compressed quickly."""
         _, coded = cv2.imencode(".png", self.pixels, _QUICK)
         write_bytes(path, coded.tobytes())
+
+
+def letters_in(width_px: float, *, size: int = 13) -> int:
+    """Return the number of letters that a line of a sheet holds."""
+    drawn_px = cv2.getTextSize((1, 1), ascii_lowercase, (0, 0), cv2.FontFace("sans"), size, 400)[2]
+    return int(width_px / drawn_px * len(ascii_lowercase))
 
 
 def ticks(low: float, high: float, *, about: int = 6) -> list[float]:

@@ -19,14 +19,15 @@ from torsight.core.progress import STUCK_S, Progress, silent
 from torsight.core.units import Ints
 from torsight.viewer import encoding
 from torsight.viewer.view_layout import WINDOW_PX
+from tracker.frames.frame import DEFAULT_FPS
 
 if TYPE_CHECKING:
     from tracker.frames.frame import Frame
 
 WIDEST_PX: Final = WINDOW_PX[0] // 2
 """Width of the preview; a wider film is shrunk. Its pane takes four tenths of the window."""
-RATE_HZ: Final = 25
-"""Rate of the preview's own clock, a usual one: any rate would do, because the recording gives the film time of each
+RATE_HZ: Final = round(DEFAULT_FPS)
+"""Rate of the preview's own clock, the usual one: any rate would do, because the recording gives the film time of each
 frame of the preview."""
 MOST_FRAMES: Final = 60 * RATE_HZ
 """Frames of the preview: a minute of it."""

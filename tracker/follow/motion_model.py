@@ -10,15 +10,13 @@ from torsight.core.compiled import compiled, copy_to, internal, lending, shared
 from tracker.appearance.disc import Record
 from tracker.follow.rotation_axis import STANDS_PX, arm_px, direction_from, on_circle
 from tracker.follow.state import Scene
+from tracker.frames.frame import DEFAULT_FPS
 
-STALE: Final = 15
+STALE: Final = round(0.5 * DEFAULT_FPS)
 """Frames for which a lost marker is extrapolated along its last motion: half a second at 30 frames a second."""
 JUMP: Final = 0.2
 """Standard deviation of a stick's jump from its prediction, over its markers' distance, at any size of the picture: a
 stick that starts abruptly, a camera that is bumped."""
-_GROWTH: Final = 2.5
-"""Exponent with which that standard deviation grows with the frames since the stick was seen: a motion whose
-acceleration is a random walk (Bar-Shalom and others, as in :mod:`tracker.innovation`, section 6.2.3)."""
 
 
 @shared
@@ -51,8 +49,12 @@ def extrapolated(marker: Record, axis: Record, time_s: float) -> complex:
 
 @shared
 def jump_px(length_px: float, lost: int) -> float:
-    """Return the standard deviation, px, of the position of a marker that was seen ``lost`` frames ago."""
-    return JUMP * length_px * math.pow(lost, _GROWTH)
+    """Return the standard deviation, px, of the position of a marker that was seen ``lost`` frames ago.
+
+    It is that of a motion whose acceleration is a random walk: the variance grows with the fifth power of the time
+    (Bar-Shalom and others, as in :mod:`tracker.innovation`, section 6.2.3).
+    """
+    return JUMP * length_px * math.sqrt(lost**5)
 
 
 @shared

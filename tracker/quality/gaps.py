@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.core.series import runs
-from torsight.core.tracks import StickAngles
+from torsight.core.tracks import FEW, StickAngles
 from torsight.core.units import Flags, Ints
 from torsight.core.words.wording import capital, counted
 from tracker.detect.marker_file import STICKS
@@ -22,8 +22,6 @@ from tracker.quality.light import GLARES, Flicker, flicker_of, glare_at_loss
 from tracker.rows import CODE
 from tracker.track import TrackResult
 
-_FELT: Final = 0.02
-"""Share of the frames above which those without an angle are examined, and advice is given."""
 _SECOND: Final = 0.25
 """Share of the frames without an angle above which a second cause is named."""
 _DO: Final = {
@@ -161,7 +159,7 @@ def _jumped(
     if gaps and gaps[-1][1] > last and np.isfinite(base[gaps[-1][0]]).all():
         # The camera has not moved, and the moving stick is not found again: it is covered.
         gaps.pop()
-    if len(unknown) <= _FELT * len(angles):
+    if len(unknown) <= FEW * len(angles):
         radius_px = float(result.report["markers"]["radius_px"])
         away = {begin: np.hypot(*(base[min(end, last)] - base[begin - 1]).T).min() > radius_px for begin, end in gaps}
         gaps = [(begin, end) for begin, end in gaps if away[begin] or sure[begin - 1] > sure[end]]
@@ -219,7 +217,7 @@ def _glared(
     missed = np.zeros(len(result.rows), np.bool_)
     # A stick lost under glare may be predicted anywhere, also under the other stick: hence "shadowed".
     missed[unknown[np.isin(states, (*_UNCLEAR, "shadowed"))]] = True
-    if pictures is None or missed.sum() <= _FELT * len(missed):
+    if pictures is None or missed.sum() <= FEW * len(missed):
         return False
     figures["glare"] = share = glare_at_loss(missed, result, pictures, range(4))
     return share > GLARES
@@ -239,7 +237,7 @@ def _of_unclear(
     radius_px, length_px = (float(result.report["markers"][name]) for name in ("radius_px", "stick_length_px"))
     smeared = smear_px > SMEARED * radius_px
     figures["smear_px"] = smear_px
-    if pictures is None or len(unclear) <= _FELT * len(angles):
+    if pictures is None or len(unclear) <= FEW * len(angles):
         return ["shutter" if smeared else None] * len(unclear)
     usual_deg = usual_step_deg(angles)
     seen = look_at_gaps(np.array(unclear, np.int64), result.tracks, angles, pictures)
@@ -269,7 +267,7 @@ def gap_advice(frames: Mapping[str, Any], causes: Causes) -> list[str]:
 
     ``frames`` is from :func:`tracker.quality.account.frame_account`.
     """
-    if not frames["total"] or frames["without_angle"] <= _FELT * frames["total"] or not causes.count:
+    if not frames["total"] or frames["without_angle"] <= FEW * frames["total"] or not causes.count:
         return []
     words = ", ".join(f"{count} {name}" for name, count in frames["why"].items())
     head = f"{frames['without_angle']} of {frames['total']} frames have no angle ({words}): "
@@ -294,7 +292,7 @@ def lone_marker_advice(result: TrackResult, angles: StickAngles, *, pictures: Pi
     seen = result.rows["state"][:, 2:] == CODE["seen"]
     for end, name in enumerate(("inner", "outer")):
         alone = angles.valid & ~seen[:, end] & seen[:, 1 - end]
-        if alone.sum() <= _FELT * len(angles):
+        if alone.sum() <= FEW * len(angles):
             continue
         share = 0.0 if pictures is None else glare_at_loss(alone, result, pictures, [2 + end])
         do = (

@@ -18,7 +18,7 @@ from torsight.actuator.fit_result import taken_as_exact
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec, read_actuator
 from torsight.cli.checkup.film_check import check_film
-from torsight.cli.checkup.finding import FEW, RESIDUAL_DEG, Finding, refusal
+from torsight.cli.checkup.finding import RESIDUAL_DEG, Finding, refusal
 from torsight.cli.checkup.log import LogCheck, check_log, check_programme, driven_by
 from torsight.cli.checkup.rig import limits_of
 from torsight.cli.experiment_file import experiment_file, read_experiment
@@ -30,7 +30,7 @@ from torsight.core.files.tables import read_angles
 from torsight.core.optics.camera import Camera, read_camera, require_second
 from torsight.core.progress import Progress, silent
 from torsight.core.records import TemperatureLog
-from torsight.core.tracks import USUAL_SHARE, StickAngles
+from torsight.core.tracks import FEW, USUAL_SHARE, StickAngles
 from torsight.core.units import DEG, PPM, Floats
 from torsight.core.words.wording import number
 from tracker.detect.marker_file import read_markers

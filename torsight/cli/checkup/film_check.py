@@ -10,12 +10,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.cli.checkup.finding import FEW, Check
+from torsight.cli.checkup.finding import Check
 from torsight.cli.checkup.stretch import CLIP, track_stretches
 from torsight.core.errors import TorsightError
 from torsight.core.files.small_pictures import shrunk
 from torsight.core.optics.camera import Camera, require_size
 from torsight.core.progress import Progress, silent
+from torsight.core.tracks import FEW
 from torsight.core.words.wording import counted
 from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import sticks_in

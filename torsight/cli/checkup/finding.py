@@ -7,13 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from torsight.core.errors import TorsightError
-from torsight.core.tracks import USUAL_SHARE
 
 LEVELS: Final = ("fine", "note", "limits", "stops")
 """Severity of a finding: harmless, worth knowing, limits the result, prevents a result."""
-FEW: Final = (1.0 - USUAL_SHARE) / 5.0
-"""Share of a film's frames, or of its time, that is not reported: a fifth of the share that a track may lack without a
-warning."""
 RESIDUAL_DEG: Final = 0.3
 """Residual of the plain model on a good record, degrees: an angle that is known better than this limits nothing. On a
 synthetic rig without a missing effect the residual is 0.1°; on a real rig it is always larger."""

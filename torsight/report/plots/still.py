@@ -18,6 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Picture
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.textpath import TextPath
 
 from torsight.core.words.colours import LIGHT
 from torsight.report.plots.panels import Band, Box, Line, Mark, Note, Panel, Points, Ribbon, Rule, style_of, thin_points
@@ -27,8 +28,6 @@ _PX_PER_INCH: Final = 96.0
 _POINTS_PER_PX: Final = 72.0 / _PX_PER_INCH
 _SAFE: Final = " !$'()*+,-./:;<=>?@[]^_`{|}~"
 """Characters that need no escape in an attribute in double quotes."""
-_CHARACTER_PX: Final = 6.9
-"""Mean width of a character of 12 px in a wide font."""
 _SETTINGS: Final[dict[Any, Any]] = {
     "svg.fonttype": "none",
     # Otherwise matplotlib's identifiers are random, and the same results would not give the same bytes.
@@ -95,8 +94,7 @@ def picture_data(svg: str) -> Markup:
 def _draw(picture: Picture, panel: Panel, top: float, width: float, height: float) -> None:
     """Draw one panel whose upper edge is ``top`` pixels above the lower edge of the picture."""
     # Pixels: at the left numbers and the axis' label, above a row for each line of the legend, below numbers and label.
-    widest = max((len(name) for _, name in panel.y_names or []), default=0)
-    left = max(64.0, 20.0 + _CHARACTER_PX * widest)
+    left = max(64.0, 20.0 + max((_width_px(name) for _, name in panel.y_names or []), default=0.0))
     rows = _legend_rows(panel, width - left)
     above, below = 10.0 + 20.0 * len(rows), 46.0 if panel.x.label else 26.0
     place = (
@@ -138,12 +136,17 @@ def _plain(words: str) -> str:
     return words.replace("$", r"\$")
 
 
+def _width_px(words: str) -> float:
+    """Return the width of words in the plots' font of 12 px, a wide one among those that browsers take instead."""
+    return float(TextPath((0.0, 0.0), _plain(words), size=12.0).get_extents().width)
+
+
 def _legend_rows(panel: Panel, width: float) -> list[list[tuple[Any, str]]]:
     """Return the legend's entries in as many rows as the width requires."""
     rows: list[list[tuple[Any, str]]] = []
     room = 0.0
     for mark, label in panel.legend():
-        needed = 46.0 + _CHARACTER_PX * len(label)
+        needed = 46.0 + _width_px(label)
         if not rows or needed > room:
             rows, room = [*rows, []], width
         rows[-1].append((mark, label))

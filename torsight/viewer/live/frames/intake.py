@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.viewer.live.priority import INTAKE, served_first
+from tracker.frames.frame import DEFAULT_FPS
 
-WAITING_FRAMES: Final = 30
+WAITING_FRAMES: Final = round(DEFAULT_FPS)
 """Frames that may wait for the tracker, a second of a usual camera: the tracker is many times faster than the camera.
 Beyond this number the oldest frame loses its picture, unless the source can wait."""
 

@@ -10,11 +10,8 @@ import numpy as np
 from torsight.core.optics.camera import Camera
 from torsight.core.optics.geometry import carried, on_plane
 from torsight.core.units import Floats
+from tracker.appearance.lucas_kanade import RATE
 from tracker.stick_direction import stick_direction
-
-_BASE_WEIGHT = 0.05
-"""Share w of a new frame in the base stick's running direction: its variance is w / (2 − w) = 1/39 of a frame's, and it
-follows a camera that is bumped within 1 / w = 20 frames."""
 
 _Map = Callable[[Floats], tuple[Floats, Floats]]
 """From pixels (4, 2) to positions (4, 2) in a plane, y up, and their derivatives (4, 2, 2)."""
@@ -53,7 +50,8 @@ class LiveAngle:
             return math.nan, math.nan, position_mm
         angle = self._unwrapped(time_s, moving_rad - self._base_rad)
         held = base_variance if math.isfinite(base_variance) else 0.0
-        return angle, math.sqrt(variance + _BASE_WEIGHT * held), position_mm
+        # A running mean with the weight w of a new value has w / (2 − w) of its variance.
+        return angle, math.sqrt(variance + RATE / (2.0 - RATE) * held), position_mm
 
     def _learn_base(self, base_rad: float) -> None:
         if not math.isfinite(base_rad):
@@ -61,7 +59,7 @@ class LiveAngle:
         if self._base_rad is None:
             self._base_rad = base_rad
         else:
-            self._base_rad += _BASE_WEIGHT * math.remainder(base_rad - self._base_rad, math.tau)
+            self._base_rad += RATE * math.remainder(base_rad - self._base_rad, math.tau)
 
     def _unwrapped(self, time_s: float, angle_rad: float) -> float:
         """Return the unwrapped angle nearest to the extrapolation from the recent speed."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Camera
 from torsight.core.progress import THOUGHT_S
-from torsight.core.tracks import MARKERS, MarkerTracks, mean_sigma
+from torsight.core.tracks import FEW, MARKERS, MarkerTracks, mean_sigma
 from torsight.core.units import Floats
 from torsight.viewer.live.frames.intake import Picture
 from torsight.viewer.live.measure.angle import LiveAngle
@@ -25,7 +25,7 @@ from torsight.viewer.live.measure.model_watch import STEP_S
 from torsight.viewer.live.measure.which_markers import ENDS, OTHERS, Decision, WhichMarkers
 from tracker.detect.marker_file import MarkerHints
 from tracker.follow.follower import Follower
-from tracker.frames.frame import Damage, Frame
+from tracker.frames.frame import DEFAULT_FPS, Damage, Frame
 from tracker.initialise import find_start
 from tracker.innovation import SURE
 from tracker.rows import CODE, STATES
@@ -34,9 +34,9 @@ from tracker.track import told_by_motion
 
 _LOOK_EVERY_S: Final = 0.5 * THOUGHT_S
 """Interval between searches for the markers until they are found."""
-_REPORT_AFTER: Final = 3
-"""Frames for which a marker must be lost, or found again, before that is reported: a marker seen in 98 frames of 100 is
-missed by chance in three successive frames once in 0.02⁻³ = 125,000, an hour at 35 per second."""
+_REPORT_AFTER: Final = math.ceil(math.log(3600.0 * DEFAULT_FPS) / -math.log(FEW))
+"""Frames for which a marker must be lost, or found again, before that is reported: n successive frames are missed once
+in FEW⁻ⁿ by chance, if few are missed, and that shall be no more often than once in an hour."""
 _EARLIER_MOST: Final = round(3600.0 / STEP_S)
 """Positions kept from the time before anything moves, an hour: their angles become known with the first motion."""
 _SAME: Final = [0, 1, 2, 3]
