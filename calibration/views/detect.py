@@ -26,7 +26,8 @@ Grey = NDArray[np.uint8]
 _DETECTION_SIDE_PX: Final = 1600
 _QUICK_SIDE_PX: Final = 640
 """Longer side to which pictures, and frames of a film, are shrunk for detection; the corners are then measured in the
-full picture. The same boards are found with half and with twice of either."""
+full picture. The same chessboards are found with half and with twice of either. A ChArUco board is found where a module
+of its markers has about 2.5 px then: with half of either one that is small in the picture is not."""
 _NARROW_SHARE: Final = 0.3
 _WIDE_SHARE: Final = 0.5
 """Half side of the narrow and of the wide window, as shares of the smallest square; half a square reaches the next
