@@ -112,9 +112,6 @@ _AROUND_PX: Final = 3 * _NEAR_PX
 _BRIGHTEST: Final = 9
 """Number of brightest pixels that are averaged: three by three. With half this value 94 in 100 readings are complete,
 with twice as many as with this value."""
-_LEAST_STEP: Final = 8.0
-"""Least change of brightness, grey levels: 3 % of the range of eight bits. With half this value as many readings are
-complete, with twice 88 in 100."""
 _FLICKER_S: Final = AT_ONCE_S
 """Duration below which a state is a flicker: no heating is switched for so short a time. With half this value one
 detected change in eight is false, with twice nothing changes."""
@@ -168,8 +165,12 @@ def led_changes(time_s: Floats, value: Floats, *, where: str) -> LightEvents:
 
     A brightness without two levels raises NoResultError; ``where`` is the LED's position, for messages.
     """
+    # Loaded here: it takes as long as tracking starts.
+    from tracker.follow.reading import LEAST_STEP
+
     low, high, noise = _two_levels(value)
-    least = max(_LEAST_STEP, BY_CHANCE * noise)
+    # As many readings are complete with twice the tracker's least step (benchmarks/sync/led.py).
+    least = max(LEAST_STEP, BY_CHANCE * noise)
     if high - low < least:
         raise NoResultError(
             "no LED goes on or off there",

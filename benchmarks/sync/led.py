@@ -32,7 +32,7 @@ from torsight.core.files.storage import read_table
 from torsight.synthetic import render_scene, scene_from
 from tracker.frames.source import open_source
 
-CONSTANTS = ("_NEAR_PX", "_BRIGHTEST", "_LEAST_STEP", "_FLICKER_S")
+CONSTANTS = ("_NEAR_PX", "_BRIGHTEST", "_FLICKER_S")
 FPS, PLACE, REACH = 20.0, (60, 60), 40
 
 
