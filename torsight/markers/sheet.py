@@ -55,12 +55,10 @@ class Sheet:
             cv2.rectangle(self.pixels, (left - 2, base - size), (left + width + 2, base + 3), on[::-1], cv2.FILLED)
         cv2.putText(self.pixels, words, (left, base), BLACK, self._font, size, weight)
 
-    def line(self, points: Floats, colour: Colour, *, wide: int = 1) -> None:
+    def line(self, points: Floats, colour: Colour) -> None:
         """Draw a line through points (n, 2)."""
         whole = np.rint(points * 2**_FINE).astype(np.int32)
-        cv2.polylines(
-            self.pixels, [whole], isClosed=False, color=colour[::-1], thickness=wide, lineType=cv2.LINE_AA, shift=_FINE
-        )
+        cv2.polylines(self.pixels, [whole], isClosed=False, color=colour[::-1], lineType=cv2.LINE_AA, shift=_FINE)
 
     def dashed(self, x: float, top: float, bottom: float, *, dash: int) -> None:
         """Draw an upright line of dashes, each as long as the gap after it."""
@@ -91,9 +89,9 @@ class Sheet:
         write_bytes(path, coded.tobytes())
 
 
-def letters_in(width_px: float, *, size: int = 13) -> int:
+def letters_in(width_px: float) -> int:
     """Return the number of letters that a line of a sheet holds."""
-    drawn_px = cv2.getTextSize((1, 1), ascii_lowercase, (0, 0), cv2.FontFace("sans"), size, 400)[2]
+    drawn_px = cv2.getTextSize((1, 1), ascii_lowercase, (0, 0), cv2.FontFace("sans"), 13, 400)[2]
     return int(width_px / drawn_px * len(ascii_lowercase))
 
 
