@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,8 @@ from numpy.typing import NDArray
 from torsight.core.series import BY_CHANCE, robust_sigma, runs
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.reference_direction import SIDE, steps_of_mean
+from tracker.follow.judgement import MOVED_RAD
 from tracker.stick_direction import Points
-
-_CARRIED_RAD: Final = 0.02
-"""Turn of the base in the picture above which the camera was carried. A camera that turns by as much changes the angle
-by half of it times the tilt: by 0.2 degrees at a tilt of 20 degrees, up to which an estimated tilt counts as known. A
-camera that comes nearer keeps its tilt."""
 
 
 class View(NamedTuple):
@@ -68,7 +64,9 @@ def views_of(tracks: MarkerTracks) -> list[View]:
     steps = steps_of_mean(turn_rad, SIDE)
     # Second differences show the noise of single frames, whether the camera is carried or not.
     noise = robust_sigma(np.diff(turn_rad, 2)) / math.sqrt(6.0)
-    limit = max(_CARRIED_RAD, BY_CHANCE * noise * math.sqrt(2.0 / SIDE))
+    # A camera that turns by as much as no base does changes the angle by half of it times the tilt: by 0.2 degrees at a
+    # tilt of 20 degrees, up to which an estimated tilt counts as known. A camera that comes nearer keeps its tilt.
+    limit = max(MOVED_RAD, BY_CHANCE * noise * math.sqrt(2.0 / SIDE))
     edges, whole = list[int](), np.array([-1, *known, count])
     for begin, end in runs(np.abs(steps) > limit):
         # The views reach as far as the base is as in their own frames beside the step.

@@ -9,10 +9,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.optics.hanging import USUAL_PX
 from torsight.core.series import known_median
 from torsight.core.tracks import MarkerTracks, StickAngles, mean_sigma
 from torsight.core.units import DEG, Floats
-from torsight.core.words.wording import counted
+from torsight.core.words.wording import RESOLUTION_DEG, counted
 from tracker.angle.plane import Orientation
 from tracker.frames.timing import timing
 from tracker.quality.events import event, events_of_right, find_events
@@ -24,15 +25,6 @@ from tracker.rows import CODE, STATES
 from tracker.track import TrackResult
 
 _LOSSLESS: Final = ("ffv1", "rawvideo", "huffyuv", "utvideo", "none", "png", "qtrle", "lagarith", "v210")
-_SMALL_PX: Final = 4.0
-"""Radius below which the advice calls dots small: with 6 px the error would be a fifth smaller, since it is inverse to
-the root of the radius (Cramér-Rao bound)."""
-_SHORT_PX: Final = 60.0
-"""Distance between markers below which the advice names it: errors of 0.05 px, as in H.264 at CRF 18, then make 0.07
-degrees."""
-_FAINT: Final = 40.0
-"""Contrast, grey levels, below which the advice calls dots faint: noise of two grey levels alone then displaces a dot
-of 6 px by 0.02 px, half of what H.264 at CRF 18 does."""
 
 
 def account(
@@ -191,18 +183,19 @@ def advice(
             "would: film with a higher bit rate (H.264 CRF 12 or less), Motion JPEG at high quality, or lossless "
             "FFV1."
         )
-    if radius_px is not None and radius_px < _SMALL_PX:
+    bound_px, angle_deg = noise["marker_sigma_px"]["bound"], noise["angle_sigma_deg"]["median"]
+    # The noise of the pictures displaces the dots by more than the usual errors of a codec.
+    if radius_px is not None and bound_px is not None and bound_px > USUAL_PX:
         words.append(
-            f"The dots are small (radius {radius_px:.1f} px): the error falls as the root of their radius grows."
+            f"The dots are small or faint for the picture's noise (radius {radius_px:.1f} px, "
+            f"{noise['marker_contrast_grey']:.0f} grey levels), which alone displaces them by {bound_px:.2f} px: "
+            "darker dots or more light help directly, and the error falls as the root of their radius grows."
         )
-    if radius_px is not None and length_px < _SHORT_PX:
+    if radius_px is not None and angle_deg is not None and angle_deg > RESOLUTION_DEG:
         words.append(
-            f"The markers of a stick are only {length_px:.0f} px apart: the angle's error falls as their distance "
-            "grows, so come closer or put the dots further apart."
+            f"The markers of a stick are only {length_px:.0f} px apart, and the angle is known to {angle_deg:.2f} "
+            "degrees: its error falls as their distance grows, so come closer or put the dots further apart."
         )
-    contrast = noise["marker_contrast_grey"]
-    if radius_px is not None and contrast is not None and contrast < _FAINT:
-        words.append(f"The dots are faint ({contrast:.0f} grey levels): darker dots or more light help directly.")
     if "bump" in kinds:
         words.append("The camera was moved during the film: fix it, and do not touch the table.")
     if "light" in kinds and "flicker" not in account["frames"]["causes"]:

@@ -166,7 +166,7 @@ def test_codecs_depths_and_transfer_functions(
     assert told["source"]["pixel_format"] == pix_fmt
     assert told["source"].get("transfer") == transfer
     assert levels == pytest.approx(_levels(coded), rel=0.1)
-    # Grey levels below which the advice calls dots faint.
+    # No faint dots.
     assert levels > 40.0
     check(angles, rig.truth_deg, within_deg=tolerance_deg(rig, levels=levels))
 

@@ -51,13 +51,19 @@ def test_few_frames_with_an_angle(
 def test_why_frames_have_no_angle_comes_before_what_makes_the_others_better() -> None:
     told = {
         "compression": {"error_over_white_noise": 4.5, "codec": "h264", "lossless": False},
-        "noise": {"marker_contrast_grey": 100.0},
+        "noise": {
+            "marker_contrast_grey": 100.0,
+            "marker_sigma_px": {"bound": 0.03, "reached": 0.1},
+            "angle_sigma_deg": {"median": 0.2},
+        },
         "frames": {"total": 100, "with_angle": 70},
     }
     gap = "30 of 100 frames have no angle (30 lost): start filming later."
     words = advice(told, length_px=100.0, radius_px=6.0, events=[], gaps=[gap])
     assert words[0] == gap
     assert "bit rate" in words[1]
+    assert "displaces them by 0.03 px" in words[2]
+    assert "100 px apart" in words[3]
     few = few_angles({**told, "advice": words}, where="film.mp4")
     assert few is not None
     assert few.do == "start filming later"
