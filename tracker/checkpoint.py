@@ -21,19 +21,23 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import OutputError, reason_of
 from torsight.core.files.storage import write_json
+from torsight.core.progress import THOUGHT_S
 from tracker.rows import ROW
 
-VERSION: Final = 15
-"""Incremented when the state of the follower changes its meaning: older checkpoints are then not resumed."""
-EVERY_S: Final = 2.0
+EVERY_S: Final = THOUGHT_S
 """Least time between two checkpoints: a kill costs as much, and to write one takes milliseconds."""
 _SAMPLE: Final = 1 << 20
 """Bytes at either end of a file that its fingerprint covers."""
 
 
 def source_key(paths: list[Path], *, settings: dict[str, Any]) -> str:
-    """Return a fingerprint of the inputs: names, sizes, the ends of the first and the last file, and the settings."""
-    digest = hashlib.sha256(json.dumps([VERSION, settings], sort_keys=True).encode())
+    """Return a fingerprint of the inputs: names, sizes, the ends of the first and the last file, and the settings.
+
+    It includes the tracker's own code, with which the state of the follower may change its meaning.
+    """
+    digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode())
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(path.read_bytes())
     for number, path in enumerate(paths):
         size = path.stat().st_size if path.exists() else 0
         digest.update(f"{path.name}:{size};".encode())
