@@ -17,7 +17,7 @@ from tracker.appearance.dot_fit import Dot
 from tracker.appearance.lucas_kanade import Luma, Places
 from tracker.couples import Choice, Couple, likeliest
 from tracker.detect.dots import HUGE_PX, find_and_refuse
-from tracker.detect.fiducials import MOST_MODULES, TagsSeen, usual_tags
+from tracker.detect.fiducials import TagsSeen, most_modules, usual_tags
 from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame, given_dots
 from tracker.detect.marker_file import STICKS, MarkerHints
 from tracker.detect.moving_part import SHARPER, differs, motion_blur
@@ -139,7 +139,7 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
 
 def _in_tag(luma: NDArray[np.uint8], marker: Marker) -> bool:
     """Return whether a marker is a module, or a few, of a tag that is seen upright or mirrored."""
-    (x, y), reach = place_of(marker.record[0]), math.ceil(MOST_MODULES * 2.0 * marker.record[0]["shape"]["radius"])
+    (x, y), reach = place_of(marker.record[0]), math.ceil(most_modules() * 2.0 * marker.record[0]["shape"]["radius"])
     left, top = max(round(x) - reach, 0), max(round(y) - reach, 0)
     part = luma[top : round(y) + reach, left : round(x) + reach]
     ways = ((part, x - left), (part[:, ::-1], part.shape[1] - 1 - (x - left)))

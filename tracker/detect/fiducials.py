@@ -28,17 +28,15 @@ USUAL: Final = (
 """Families that are tried where none is given or the given one is not seen: those printed most often first, and of each
 code the smallest family."""
 
-MOST_MODULES: Final = 9
-"""Modules across the largest tags, of 7X7, with their black border."""
 UNMIRROR: Final = (
     "switch mirroring off in the camera's program, or do not film through a mirror; a film that is there already is "
     "flipped back by 'ffmpeg -i FILM -vf hflip NEW'"
 )
 """Advice for tags that are seen mirrored."""
-_MODULE_PX: Final = 8
-"""Size to which OpenCV resamples a module for reading, without a margin of 0.13 of it on each side. At OpenCV's default
-of 4 px that margin is rounded to zero, and neighbours of a module of 4.5 px in the picture are included, since corners
-are found in whole pixels."""
+MODULE_PX: Final = 8
+"""Size to which a module is drawn, and to which OpenCV resamples it for reading, without a margin of 0.13 of it on each
+side. At OpenCV's default of 4 px that margin is rounded to zero, and neighbours of a module of 4.5 px in the picture
+are included, since corners are found in whole pixels."""
 
 
 def families() -> tuple[str, ...]:
@@ -60,6 +58,11 @@ def family_of(name: str, *, where: str) -> Any:
             "is no family of tags", where=f"{where}, family", value=name, limit=f"one of {', '.join(families())}"
         )
     return cv2.aruco.getPredefinedDictionary(number)
+
+
+def most_modules() -> int:
+    """Return the modules across the largest tags that are usual, with their black border."""
+    return 2 + max(int(family_of(name, where="tag").markerSize) for name in USUAL)
 
 
 def count_of(name: str, *, where: str = "tag") -> int:
@@ -249,14 +252,14 @@ def _squares(luma: NDArray[np.uint8]) -> Sequence[NDArray[np.float32]]:
 
 def _modules_of(luma: NDArray[np.uint8], squares: Sequence[NDArray[np.float32]], size: int) -> NDArray[np.float32]:
     """Return the modules (c, n + 2, n + 2) of c squares with their border as OpenCV reads them, ±1 for white, black."""
-    side = (size + 2) * _MODULE_PX
+    side = (size + 2) * MODULE_PX
     rim = np.array([[0, 0], [side - 1, 0], [side - 1, side - 1], [0, side - 1]], np.float32)
-    margin = int(_parameters().perspectiveRemoveIgnoredMarginPerCell * _MODULE_PX)
+    margin = int(_parameters().perspectiveRemoveIgnoredMarginPerCell * MODULE_PX)
     seen = np.empty((len(squares), size + 2, size + 2), np.float32)
     for one, four in zip(seen, squares, strict=True):
         flat = cv2.warpPerspective(luma, cv2.getPerspectiveTransform(four, rim), (side, side), flags=cv2.INTER_NEAREST)
         _, white = cv2.threshold(flat, 0.0, 1.0, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
-        cells = white.reshape(size + 2, _MODULE_PX, size + 2, _MODULE_PX)[:, margin:-margin, :, margin:-margin]
+        cells = white.reshape(size + 2, MODULE_PX, size + 2, MODULE_PX)[:, margin:-margin, :, margin:-margin]
         one[...] = np.where(cells.mean(axis=(1, 3)) > 0.5, 1.0, -1.0)
     return seen
 
@@ -283,7 +286,7 @@ def _part_of(family: str, numbers: Ints) -> Any:
 
 def _parameters() -> Any:
     parameters = cv2.aruco.DetectorParameters()
-    parameters.perspectiveRemovePixelPerCell = _MODULE_PX
+    parameters.perspectiveRemovePixelPerCell = MODULE_PX
     return parameters
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
 from tracker.checkpoint import Kept
-from tracker.detect.fiducials import FoundTag, bits_of, find_tags
+from tracker.detect.fiducials import MODULE_PX, FoundTag, bits_of, find_tags
 from tracker.follow.follower import nothing
 from tracker.patches.align import Fit, Look, Patch
 from tracker.patches.patch_track import AS_USUAL, KEPT, PatchTrack, put
@@ -28,8 +28,6 @@ _ITS_BITS: Final = 0.75
 """Smallest correlation of the modules inside the black border (blurred as above: 0.85). Another number has about 0."""
 _GREW: Final = 1.25
 """Change of size above which a tag's template is rendered again."""
-_FINE: Final = 8
-"""Steps per module of the drawing from which a tag's template is sampled."""
 _SOFT: Final = (0.7, 1.0, 1.3, 1.7, 2.2, 3.0)
 """Blurs of the template, in steps of the grid, that are tried when a tag is first found. The sharpest picture has 0.7:
 a pixel's own width (0.3) and the sampling (0.65). Between these values the fit estimates the sharpness."""
@@ -84,8 +82,8 @@ class Tag:
         """Return the tag's brightness as a function of position, 0 for black and 1 for white."""
         bits = np.pad(bits_of(self.family, self.number), 2, constant_values=True)
         module_px = self.side_px / (len(bits) - 4)
-        step = _FINE / module_px
-        drawn = np.repeat(np.repeat(bits, _FINE, axis=0), _FINE, axis=1).astype(np.float32)
+        step = MODULE_PX / module_px
+        drawn = np.repeat(np.repeat(bits, MODULE_PX, axis=0), MODULE_PX, axis=1).astype(np.float32)
         fine: NDArray[np.float32] = np.asarray(
             cv2.GaussianBlur(drawn, (0, 0), self.soft * self.spacing_px * step), dtype=np.float32
         )

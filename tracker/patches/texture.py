@@ -28,8 +28,6 @@ _COARSE: Final = 2.0
 """Steps of the patches per step of the coarse search."""
 _ACROSS: Final = 15.0
 """Most steps in a patch's radius, so that a large one costs no more: its steps are wider than a pixel."""
-_KEPT: Final = 8
-"""Most candidates that are fitted."""
 _LIKELY: Final = 0.35
 """Mean coarse correlation of both points below which a candidate is not fitted: noise alone gives 0.1 over the 100
 steps of a patch, a patch that is rotated by half a step of the search 0.5."""
@@ -121,7 +119,7 @@ class TurnedSearch:
                 inside = region.left <= x <= region.right and region.top <= y <= region.bottom
                 if inside and score[row, column] > _LIKELY:
                     found.append((-float(score[row, column]), similarity(x, y, turn_rad=turn)))
-        return [warp for _, warp in sorted(found, key=operator.itemgetter(0))[:_KEPT]]
+        return [warp for _, warp in sorted(found, key=operator.itemgetter(0))]
 
     def near(self, luma: NDArray[np.uint8], end: int, warp: Floats, sigma_px: float) -> list[Floats]:
         """Return the warps at which the first (``end`` 0) or second point may be, near ``warp``.
@@ -165,11 +163,11 @@ def _likeness(small: NDArray[np.float32], template: NDArray[np.float32]) -> NDAr
     return np.asarray(np.nan_to_num(score, posinf=0.0, neginf=0.0), dtype=np.float32)
 
 
-def _peaks(score: NDArray[np.float32], half: int, *, count: int = 2) -> list[tuple[int, int]]:
-    """Return the (row, column) of the ``count`` highest maxima, no two closer than ``half`` in both directions."""
+def _peaks(score: NDArray[np.float32], half: int) -> list[tuple[int, int]]:
+    """Return the (row, column) of the two highest maxima, no closer than ``half`` in both directions."""
     left = score.copy()
     found: list[tuple[int, int]] = []
-    for _ in range(count):
+    for _ in range(2):
         row, column = (int(value) for value in np.unravel_index(int(np.argmax(left)), left.shape))
         found.append((row, column))
         left[max(0, row - half) : row + half + 1, max(0, column - half) : column + half + 1] = -1.0

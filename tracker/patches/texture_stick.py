@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.optics.hanging import USUAL_PX
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
 from tracker.checkpoint import Kept
@@ -28,12 +29,10 @@ from tracker.patches.texture import TurnedSearch
 from tracker.patches.warps import flatness_of, jacobian, place, similarity, size_of, turn_of
 from tracker.rows import CODE
 
-_ALIKE: Final = 0.7
+_ALIKE: Final = math.sqrt(0.5)
 """Smallest correlation with texture: half of its variance is explained. Paper next to it or a mere edge stays below."""
 _FADED: Final = (0.4, 2.5)
 """Range of the contrast over the mean of the last frames: outside it the texture is not the same."""
-_RIM_PX: Final = 0.02
-"""Standard deviation of the rim of a patch at rest by its own size or turn, px: that of its place at H.264 CRF 20."""
 _OWN_TURN_RAD: Final = math.radians(12.0)
 """Largest difference between the rotations of a patch and of the line through both points: in a square that is seen at
 35 degrees the sides turn by 11 degrees against the diagonals."""
@@ -212,7 +211,7 @@ class TextureStick(Kept):
             return
         still = int(off_px[1] < off_px[0])
         now, home, half_px = seen[still], self._home[still], self._tracks[still].patch.half_px
-        change = np.array([size_of(now) / size_of(home) - 1.0, turn_of(now) - turn_of(home)]) * half_px / _RIM_PX
+        change = np.array([size_of(now) / size_of(home) - 1.0, turn_of(now) - turn_of(home)]) * half_px / USUAL_PX
         rests = passes(float(change @ change), 2)
         if rests and further(off_px[1 - still], off_px[still]):
             whys[1 - still] = "hidden"

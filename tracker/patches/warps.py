@@ -117,7 +117,7 @@ def flatness_of(warp: Floats) -> float:
     return abs(turned - mirrored) / (turned + mirrored) if turned + mirrored > 0.0 else 0.0
 
 
-def similarity(x_px: float, y_px: float, *, turn_rad: float = 0.0, scale: float = 1.0) -> Floats:
-    """Return the warp of a patch that is rotated, scaled, and shifted to a position."""
-    cos, sin = scale * math.cos(turn_rad), scale * math.sin(turn_rad)
+def similarity(x_px: float, y_px: float, *, turn_rad: float = 0.0) -> Floats:
+    """Return the warp of a patch that is rotated, and shifted to a position."""
+    cos, sin = math.cos(turn_rad), math.sin(turn_rad)
     return np.array([[cos, -sin, x_px], [sin, cos, y_px], [0.0, 0.0, 1.0]])
