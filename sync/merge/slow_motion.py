@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-_FACTORS: Final = (2, 4, 8, 16, 32)
-"""Factors of slow motion: cameras film 60, 120, 240, 480 or 960 frames a second and play them at 30."""
+from tracker.frames.frame import SLOW_MOTION
+
 _NEAR: Final = 0.1
 """Largest relative deviation of the ratio of durations from such a factor, as log and camera are started and stopped by
 hand: a choice, which affects a warning only."""
@@ -19,7 +19,7 @@ def slow_motion_factor(film_s: float, log_s: float) -> int | None:
     """
     if not (film_s > 0.0 and log_s > 0.0):
         return None
-    return next((factor for factor in _FACTORS if abs(film_s / log_s / factor - 1.0) < _NEAR), None)
+    return next((factor for factor in SLOW_MOTION if abs(film_s / log_s / factor - 1.0) < _NEAR), None)
 
 
 def slow_motion_text(film_s: float, log_s: float, *, rate_fps: float | None) -> tuple[str, str] | None:

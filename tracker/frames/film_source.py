@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Collection, Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -16,12 +17,10 @@ from torsight.core.errors import InputError, reason_of
 from torsight.core.units import Floats, Ints
 from tracker.frames.decoder import Decoder
 from tracker.frames.display import Display, display_of, luma_of, transfer_of
-from tracker.frames.frame import DEFAULT_FPS, Damage, Frame, GivenTimes, pictures_of
+from tracker.frames.frame import DEFAULT_FPS, SLOW_MOTION, Damage, Frame, GivenTimes, pictures_of
 
 _CAPTURE_KEYS: Final = ("com.android.capture.fps",)
 """Metadata keys in which phones store the capture rate of a slow-motion film (Android's MediaRecorder)."""
-_SLOWER: Final = 1.5
-"""Capture rate over playing rate above which a film counts as slow motion: the smallest factor on sale is 2."""
 
 
 class FilmSource:
@@ -310,7 +309,8 @@ class FilmSource:
         except ValueError:
             return
         self._about["camera_says_fps"] = capture_fps
-        if not self.rate_fps or not capture_fps > _SLOWER * self.rate_fps or self.given:
+        # Nearer to the least factor of slow motion than to none.
+        if not self.rate_fps or not capture_fps > math.sqrt(SLOW_MOTION[0]) * self.rate_fps or self.given:
             return
         text = (
             f"the camera filmed {capture_fps:g} frames a second (its own note in the file) and the film plays "

@@ -15,6 +15,8 @@ from torsight.core.units import Floats
 
 DEFAULT_FPS: Final = 30.0
 """Frame rate of pictures for which none is given."""
+SLOW_MOTION: Final = (2, 4, 8, 16, 32)
+"""Factors of slow motion: cameras film 60, 120, 240, 480 or 960 frames a second and play them at 30."""
 
 
 REPORT_EVERY: Final = 100
