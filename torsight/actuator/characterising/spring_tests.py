@@ -50,8 +50,6 @@ from torsight.core.units import DEG, GPA, MM, Flags, Floats
 
 LARGE_RANGE_DEG: Final = (300.0, 400.0)
 """Part of the large range that the paper fits: such a log begins with the slope of E_M, and may end with stiffening."""
-_LEAST_PRE_DEFORMATION_DEG: Final = 5.0
-"""A smaller value is most likely in radians: the paper's 85° are 1.5 rad."""
 _RANGES: Final = {
     "temp_c": (-275.0, 225.0, "give temperatures in °C, not in kelvin"),
     "angle_deg": (-1e5, 1e5, "give angles in degrees"),
@@ -189,11 +187,14 @@ def _log(table: Mapping[str, Any], folder: Path, columns: tuple[str, str], *, wh
 
 
 def _pre_deformation(table: Mapping[str, Any], *, where: str) -> float:
-    size = abs(get_number(table, "pre_deformation_deg", where=where, lower=-5000.0, upper=5000.0))
-    if size < _LEAST_PRE_DEFORMATION_DEG:
-        limit = f"{_LEAST_PRE_DEFORMATION_DEG:g} or more, either sign"
-        do = "give it in degrees, not radians"
-        raise ConfigError("'pre_deformation_deg' is too small", where=where, value=f"{size:g}", limit=limit, do=do)
+    # The range of a critical angle: a smaller value is most likely in radians, the paper's 85° are 1.5 rad.
+    key = KEYS["theta_cr_deg"]
+    size = abs(get_number(table, "pre_deformation_deg", where=where, lower=-key.upper, upper=key.upper))
+    if size < key.lower:
+        limit = f"{key.lower:g} or more, either sign"
+        raise ConfigError(
+            "'pre_deformation_deg' is too small", where=where, value=f"{size:g}", limit=limit, do=key.hint
+        )
     return size
 
 
