@@ -28,6 +28,9 @@ _COARSE: Final = 2.0
 """Steps of the patches per step of the coarse search."""
 _ACROSS: Final = 15.0
 """Most steps in a patch's radius, so that a large one costs no more: its steps are wider than a pixel."""
+_KEPT: Final = 8
+"""Most candidates that are fitted: without a limit a frame in which a stick is lost costs a seventh more (the rolling
+cylinder of benchmarks/tracking/table.py)."""
 _LIKELY: Final = 0.35
 """Mean coarse correlation of both points below which a candidate is not fitted: noise alone gives 0.1 over the 100
 steps of a patch, a patch that is rotated by half a step of the search 0.5."""
@@ -119,7 +122,7 @@ class TurnedSearch:
                 inside = region.left <= x <= region.right and region.top <= y <= region.bottom
                 if inside and score[row, column] > _LIKELY:
                     found.append((-float(score[row, column]), similarity(x, y, turn_rad=turn)))
-        return [warp for _, warp in sorted(found, key=operator.itemgetter(0))]
+        return [warp for _, warp in sorted(found, key=operator.itemgetter(0))[:_KEPT]]
 
     def near(self, luma: NDArray[np.uint8], end: int, warp: Floats, sigma_px: float) -> list[Floats]:
         """Return the warps at which the first (``end`` 0) or second point may be, near ``warp``.
