@@ -45,8 +45,6 @@ COLUMNS: Final = 7
 _STEP_1, _STEP_3 = 1.5976, 0.07056
 """The falling normal step 1 − Φ(z) as a logistic curve with a cubic term, to 2e-4 (Bowling and
 others, J. Ind. Eng. Manag. 2, 2009, p. 114)."""
-_NO_EDGE: Final = 6.0
-"""Distance from the rim, in widths of the edge, beyond which that curve is 0 or 1 to 1e-11."""
 _RIM_PX, _RIM = 0.75, 4.0
 """Distance from the rim within which D changes: half a pixel's diagonal, plus this many widths of the edge."""
 _SHARP_PX: Final = 0.35
@@ -87,9 +85,6 @@ def disc_point(x: float, y: float, shape: Record, soft_px: float = _SOFT_PX) -> 
             u, v = (1.0 - e) * px - f * py, -f * px + (1.0 + e) * py
             length = math.sqrt(u * u + v * v)
             weight, z = 0.25 * weights[i] * weights[j], (length - radius) / wide
-            if abs(z) > _NO_EDGE:
-                inside += weight if z < 0.0 else 0.0
-                continue
             value = 1.0 / (1.0 + math.exp(z * (_STEP_1 + _STEP_3 * z * z)))
             inside += weight * value
             # The derivative of the logistic curve, and of the length of (u, v).

@@ -31,8 +31,8 @@ mean of the total weight ``looks``), and the number of fast readings."""
 CLEAR: Final = 0.15
 """Difference in the logarithm of the residual by which motion blur has to fit better than none: compression softens
 moving markers, which looks a little like motion blur."""
-LEARNED: Final = 12
-"""Fast readings after which the exposure counts as known: by then the first comparison has a tenth of the weight."""
+LEARNED: Final = round(1.0 / RATE)
+"""Fast readings after which the exposure counts as known: as many as a running mean covers."""
 _SLACK_UNKNOWN: Final = 0.1
 _SLACK_KNOWN: Final = 0.015
 """Allowance for motion blur before and after the exposure is known: share of the brightness step, per root of the

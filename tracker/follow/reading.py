@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled, lending, shared
+from torsight.core.series import rounding_variance
 from torsight.core.units import Floats, Ints
 from tracker.appearance.disc import COLUMNS, Record
 from tracker.appearance.lucas_kanade import PHASES, Luma, Places, Point, read_dot
@@ -34,8 +35,8 @@ _LEAST_SPREAD: Final = 0.35
 """Smallest allowance for the residual, a logarithm: a factor of 1.4."""
 _NEVER: Final = 0.3
 """Residual in excess of the marker's usual noise, in quadrature, as a share of the step, above which it is no dot."""
-_ALWAYS: Final = 0.015
-"""Residual, as a share of the step, that is always accepted: it is the rounding for a step of 20 grey levels."""
+_ROUNDING: Final = math.sqrt(rounding_variance())
+"""Residual in grey levels that is always accepted."""
 
 
 @shared
@@ -60,7 +61,7 @@ def fits(marker: Record, reading: Record, slack: float) -> bool:
     noise = math.exp(marker.residual[0]) * marker.step
     if reading.residual**2 > noise**2 + (_NEVER * step) ** 2:
         return False
-    return bool(reading.residual <= max(limit, _ALWAYS) * step)
+    return bool(reading.residual <= max(limit * step, _ROUNDING))
 
 
 @lending
