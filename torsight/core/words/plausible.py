@@ -7,7 +7,7 @@ unit.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from datetime import date, datetime, timedelta
+from datetime import datetime, timedelta
 from typing import Final
 
 import numpy as np
@@ -15,8 +15,8 @@ import numpy as np
 from torsight.core.errors import InputError
 from torsight.core.units import DEG, Floats
 
-LATEST_S: Final = (date.max - date(1970, 1, 1)) / timedelta(seconds=1)
-"""Largest timestamp in seconds: the end of the calendar; milliseconds of today are seven times as many."""
+LATEST_S: Final = 1e11
+"""Largest timestamp in seconds: milliseconds of the calendar have 13 digits."""
 FINEST_S: Final = datetime.resolution / timedelta(seconds=1)
 """Shortest interval of rows: that of the calendar's times, a microsecond; no camera and no logger is faster."""
 MOST_ROWS_APART_S: Final = 1e8
