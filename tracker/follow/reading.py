@@ -30,7 +30,8 @@ LEAST_STEP: Final = 4.0
 """Brightness step, grey levels, below which no dot is visible."""
 _CONTRAST: Final = (0.45, 1.8)
 """Range of the contrast over the template's in which it is the same dot: about a factor of two."""
-_DEVIATIONS: Final = 5.0
+_DEVIATIONS: Final = SIGMAS * math.sqrt(0.5 * math.pi)
+"""Mean absolute deviations of the residual's logarithm that are allowed: √(2/π) of standard ones if it is normal."""
 _LEAST_SPREAD: Final = 0.35
 """Smallest allowance for the residual, a logarithm: a factor of 1.4."""
 _NEVER: Final = 0.3
