@@ -11,10 +11,11 @@ offset is not determined, and the interval is as wide as the range from the coar
 
 A motion may be late behind its temperature for other reasons than the sensor: friction that grows with the speed, heat
 that reaches a part of the wire later. Such a delay shifts T_k by the delay times the rate, as an error of the offset
-does. The two differ in one respect: the offset is the same everywhere, while a delay differs along a stroke and between
-heating and cooling. So the delay of heatings, and that of coolings, is an unknown polynomial of L, with coefficients of
-one unknown size. Where thresholds show a delay that differs along a stroke, larger sizes become likely, and with them a
-delay that is common to the stroke: the interval of the offset gets as wide as the delays are.
+does. The two differ in one respect: the offset is the same everywhere, while a delay differs along a stroke, with the
+rate of the temperature, and between heating and cooling. So the delay of heatings, and that of coolings, is an unknown
+polynomial of L plus one of the rate's logarithm, with coefficients of one unknown size. Where thresholds show a delay
+that differs, larger sizes become likely, and with them a delay that is common to all strokes: the interval of the
+offset gets as wide as the delays are.
 
 The unknown common curve, the slopes, the scatter and the delays are Gaussian with wide or estimated widths and are
 integrated out, which leaves a likelihood of offset, drift and lag alone. A lag acts on ramps as an offset does; the
@@ -50,6 +51,8 @@ _HELD_S: Final = 0.01
 """Standard deviation with which an offset is held: nothing could be inverted with 0."""
 _VALLEY: Final = 5.0
 """Depth of a valley between two maxima: one unit with the power of the crossings (``crossing_temper``)."""
+_RESTING_C_S: Final = 1e-3
+"""Least rate of temperature of which a logarithm is taken: one kelvin in a quarter of an hour, where nothing moves."""
 _RATE_POWERS: Final = 3
 """Degree of the polynomial per stroke that gives its rate, through ten points per coefficient. Degrees two and six move
 the clock by 0.01 of its standard deviations (benchmarks/sync/constants.py)."""
@@ -290,12 +293,16 @@ def _halves(crossings: ThresholdCrossings, wire: _Wire, point: Floats, *, every:
     heating = crossings.heating[keep]
     scatter = crossings.scatter[np.ix_(keep, keep)]
     columns = np.column_stack([-jacobian, data, rate[:, None] * crossings.delay[keep]])
+    log_rate = np.log(np.maximum(np.abs(rate), _RESTING_C_S))
     # Heatings and coolings share only the clock and the size of delays: each has its own scatter.
     halves = []
     for rows in (np.flatnonzero(heating), np.flatnonzero(~heating)):
         if len(rows):
             own, alike = (one[np.ix_(rows, rows)] for one in (common, scatter))
-            solved = [_solved(own + c**2 * alike, columns[rows]) for c in SCATTERS_C[::every]]
+            faster = log_rate[rows] - log_rate[rows].mean()
+            of_rate = np.stack([faster, faster**2], axis=1) * PRIORS.delay_of_rate
+            with_rate = np.column_stack([columns[rows], rate[rows, None] * of_rate])
+            solved = [_solved(own + c**2 * alike, with_rate) for c in SCATTERS_C[::every]]
             halves.append(_half(solved, np.array(SCATTERS_C[::every]), unknowns=len(point)))
     return halves
 
@@ -386,6 +393,6 @@ def _density(stroke: Ints, kind: Ints, rate: Floats) -> float:
     for number in np.unique(kind):
         # On a plateau the rate is near zero, and its logarithm is unbounded.
         strokes = np.unique(stroke[kind == number])
-        logs = [float(np.log(np.maximum(np.abs(rate[stroke == k]), 1e-3)).mean()) for k in strokes]
+        logs = [float(np.log(np.maximum(np.abs(rate[stroke == k]), _RESTING_C_S)).mean()) for k in strokes]
         total += (1.0 - 1.0 / len(logs)) * float(np.sum(logs))
     return total
