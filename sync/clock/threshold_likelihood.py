@@ -38,6 +38,7 @@ from sync.clock.gaussian_mixture import NEGLIGIBLE_LOG, Gaussian, UnknownGap, lo
 from sync.clock.threshold_crossings import ThresholdCrossings
 from sync.signals.even_signal import EvenSignal
 from sync.signals.heating_segments import LATEST_S, LogSignals, Spring
+from torsight.core.series import runs
 from torsight.core.units import Flags, Floats, Ints
 
 SCATTERS_C: Final = tuple(float(value) for value in np.geomspace(0.004, 2.5, 12))
@@ -209,10 +210,12 @@ class Thresholds:
             total = log_weights(points)
             if not np.isfinite(total).any():
                 return {}
-            likely = np.flatnonzero(total > total.max() - NEGLIGIBLE_LOG)
-            if len(likely) >= 12 or step_s < _HELD_S:
+            first, stop = next(
+                run for run in runs(total > total.max() - NEGLIGIBLE_LOG) if run[0] <= np.argmax(total) < run[1]
+            )
+            if stop - first >= 12 or step_s < _HELD_S:
                 break
-            low_s, high_s = offset_s[max(likely[0] - 1, 0)], offset_s[min(likely[-1] + 1, len(offset_s) - 1)]
+            low_s, high_s = offset_s[max(first - 1, 0)], offset_s[min(stop, len(offset_s) - 1)]
         away = (offset_s - self.prior.mean[0]) ** 2 / self.prior.covariance[0, 0]
         density = np.log(step_s) - 0.5 * (away + np.log(2.0 * np.pi * self.prior.covariance[0, 0]))
         sizes = {size for one in points for size in one}
