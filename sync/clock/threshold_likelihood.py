@@ -202,7 +202,7 @@ class Thresholds:
 
         Where linearised temperatures do not lead to the maximum, the distribution is summed up over offsets on a grid,
         which is made finer around the maximum until 12 of its 33 points carry weight: two in a standard deviation, with
-        which sums over a Gaussian are exact to a thousandth.
+        which sums over a Gaussian are exact to a thousandth. Beyond a gap without weight another maximum begins.
         """
         while True:
             offset_s, step_s = np.linspace(low_s, high_s, 33, retstep=True)
@@ -210,9 +210,8 @@ class Thresholds:
             total = log_weights(points)
             if not np.isfinite(total).any():
                 return {}
-            first, stop = next(
-                run for run in runs(total > total.max() - NEGLIGIBLE_LOG) if run[0] <= np.argmax(total) < run[1]
-            )
+            top = int(np.argmax(total))
+            first, stop = next(run for run in runs(total > total[top] - NEGLIGIBLE_LOG) if run[0] <= top < run[1])
             if stop - first >= 12 or step_s < _HELD_S:
                 break
             low_s, high_s = offset_s[max(first - 1, 0)], offset_s[min(stop, len(offset_s) - 1)]
@@ -296,7 +295,7 @@ def _halves(crossings: ThresholdCrossings, wire: _Wire, point: Floats, *, every:
     heating = crossings.heating[keep]
     scatter = crossings.scatter[np.ix_(keep, keep)]
     columns = np.column_stack([-jacobian, data, rate[:, None] * crossings.delay[keep]])
-    log_rate = np.log(np.maximum(np.abs(rate), _RESTING_C_S))
+    log_rate = _log_rate(rate)
     # Heatings and coolings share only the clock and the size of delays: each has its own scatter.
     halves = []
     for rows in (np.flatnonzero(heating), np.flatnonzero(~heating)):
@@ -392,10 +391,14 @@ def _density(stroke: Ints, kind: Ints, rate: Floats) -> float:
     The factor counts once per stroke, like the dominant scatter. One stroke of each kind determines the unknown curve
     and contains no information on the clock, whatever its rate.
     """
-    total = 0.0
+    total, log_rate = 0.0, _log_rate(rate)
     for number in np.unique(kind):
-        # On a plateau the rate is near zero, and its logarithm is unbounded.
         strokes = np.unique(stroke[kind == number])
-        logs = [float(np.log(np.maximum(np.abs(rate[stroke == k]), _RESTING_C_S)).mean()) for k in strokes]
+        logs = [float(log_rate[stroke == k].mean()) for k in strokes]
         total += (1.0 - 1.0 / len(logs)) * float(np.sum(logs))
     return total
+
+
+def _log_rate(rate: Floats) -> Floats:
+    """Return the logarithm of rates (n,); on a plateau the rate is near zero, and its logarithm would be unbounded."""
+    return np.asarray(np.log(np.maximum(np.abs(rate), _RESTING_C_S)))
