@@ -22,6 +22,9 @@ from torsight.core.parallel.threads import VARIABLES
 # Before anything loads numpy: threads of linear algebra that wait for each other beside other workers take the engine's
 # tests five times as long, and every stage of the product computes with one.
 os.environ.update(dict.fromkeys(VARIABLES, "1"))
+# Nor huge pages for arrays of 4 MB and more: a virtual machine's host takes 10 ms to provide one of 2 MB, and of arrays
+# that are hardly filled it has to provide them all: the tests of tracking took a sixteenth longer.
+os.environ["NUMPY_MADVISE_HUGEPAGE"] = "0"
 
 collect_seldom()
 

@@ -143,7 +143,10 @@ def _find(
     prior = None if given_offset_s is None and not drift_known else _given(given_offset_s, drift_known=drift_known)
     if light is not None and given_offset_s is None:
         return _from_led(angles, reading, light, prior)
-    weighed = weigh_restarts(angles, reading, prior=prior)
+    if given_offset_s is not None and drift_known and not reading.restarts:
+        weighed = WeighedRestarts(None, reading)
+    else:
+        weighed = weigh_restarts(angles, reading, prior=prior)
     doubts: tuple[str, ...] = ()
     if given_offset_s is not None:
         doubts = _against_motion(angles, reading, given_offset_s, drift_known=drift_known)

@@ -57,8 +57,7 @@ class MotionLikelihood:
 
     def weighted(self, log_weight: float) -> MotionLikelihood:
         """Return the same distribution with another weight among others."""
-        mixture = (replace(one, log_weight=one.log_weight + log_weight) for one in self.mixture)
-        return replace(self, mixture=tuple(mixture))
+        return replace(self, mixture=tuple(one.weighted(log_weight) for one in self.mixture))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,7 +108,9 @@ def motion_likelihood(
 
 def _later(gaussian: Gaussian, later_s: float) -> Gaussian:
     """Return the Gaussian with a larger offset."""
-    return replace(gaussian, mean=np.concatenate([gaussian.mean[:1] + later_s, gaussian.mean[1:]]))
+    mean = gaussian.mean.copy()
+    mean[0] += later_s
+    return Gaussian(mean, gaussian.covariance, gaussian.log_weight)
 
 
 def _from_start(
@@ -167,8 +168,8 @@ def _as_covered(mixture: Sequence[Gaussian], film_s: Floats, log_s: Floats) -> t
     offset_s = np.array([gaussian.mean[0] for gaussian in mixture])
     inside_s = np.minimum(film_s[-1] + offset_s, log_s[-1]) - np.maximum(film_s[0] + offset_s, log_s[0])
     outside = 1.0 - np.maximum(inside_s, 0.0) / np.ptp(film_s)
-    log_weight = [gaussian.log_weight for gaussian in mixture] - PRIORS.uncovered_log * outside
-    return tuple(replace(one, log_weight=float(log)) for one, log in zip(mixture, log_weight, strict=True))
+    lost = (PRIORS.uncovered_log * outside).tolist()
+    return tuple(one.weighted(-log_weight) for one, log_weight in zip(mixture, lost, strict=True))
 
 
 def _weigh(

@@ -74,7 +74,7 @@ def weigh_restarts(angles: StickAngles, reading: LogReading, *, prior: Gaussian 
         return WeighedRestarts(None, reading)
     likelihood, chosen, _ = max(found, key=lambda item: item[2] + item[0].weight)
     mixture = [
-        replace(gaussian, log_weight=gaussian.log_weight + weight).moved(likelihood.middle_s - other.middle_s)
+        gaussian.weighted(weight).moved(likelihood.middle_s - other.middle_s)
         for other, _, weight in found
         for gaussian in other.mixture
     ]

@@ -27,11 +27,12 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy.linalg.lapack import dposv
+from scipy.special import logsumexp
 
 from sync.clock.clock_priors import PRIORS
 from sync.clock.gaussian_mixture import NEGLIGIBLE_LOG, Gaussian, UnknownGap, log_time, mixed, moments
@@ -72,7 +73,10 @@ def _polynomials(degree: int) -> tuple[Floats, Floats, Floats]:
 
 @dataclass(frozen=True, slots=True)
 class _Wire:
-    """Wire temperatures at the crossings for one clock: value, rate, variance without scatter, timestamps' slopes."""
+    """Wire temperatures at crossings (m, n) for m clocks: value, rate, variance without scatter, timestamps' slopes.
+
+    All clocks of a scan are computed at once: one by one, the overhead of numpy's calls took most of the time.
+    """
 
     temp_c: Floats
     rate_c_s: Floats
@@ -82,32 +86,33 @@ class _Wire:
 
 
 def _shrunk(crossings: ThresholdCrossings, rate: Floats, rate_sigma: Floats) -> Floats:
-    """Return the rates, shrunk towards the mean of their kind as far as their differences are noise.
+    """Return the rates (m, n), shrunk towards the mean of their kind as far as their differences are noise.
 
     Differences of rate within a kind determine the offset. Noise in these differences would bias it to the assumed
     value.
     """
-    total = np.bincount(crossings.cell, weights=rate)
-    usual = (total / np.maximum(np.bincount(crossings.cell), 1))[crossings.cell]
+    alike = crossings.cell[:, None] == crossings.cell
+    usual: Floats = rate @ (alike / np.sum(alike, axis=0))
     away = rate - usual
     kept = np.zeros_like(rate)
     for kind in np.unique(crossings.kind):
-        rows = crossings.kind == kind
-        spread, noise = float(np.mean(away[rows] ** 2)), float(np.mean(rate_sigma[rows] ** 2))
-        kept[rows] = max(0.0, 1.0 - PRIORS.rate_noise * noise / spread) * away[rows] if spread > 0 else 0.0
+        rows = np.flatnonzero(crossings.kind == kind)
+        spread, noise = (np.mean(one[:, rows] ** 2, axis=1, keepdims=True) for one in (away, rate_sigma))
+        share = 1.0 - PRIORS.rate_noise * noise / np.where(spread > 0.0, spread, np.inf)
+        kept[:, rows] = np.maximum(share, 0.0) * away[:, rows]
     return usual + kept
 
 
 def _smooth_rates(signal: EvenSignal, at_s: Floats, slope: Floats, stroke: Ints) -> tuple[Floats, Floats]:
-    """Return the rate of a temperature at instants (n,) of strokes, and its sigma, from one polynomial per stroke.
+    """Return the rate of a temperature at instants (m, n) of strokes, and its sigma, from one polynomial per stroke.
 
-    Where too little of a stroke is known, the rate is the signal's own ``slope`` (n,).
+    Where too little of a stroke is known, the rate is the signal's own ``slope`` (m, n). ``stroke`` (n,) is in order.
     """
     at, powers, whole = _polynomials(_RATE_POWERS)
-    _, own = np.unique(stroke, return_inverse=True)
-    first, last = np.full(own.max() + 1, np.inf), np.full(own.max() + 1, -np.inf)
-    np.minimum.at(first, own, at_s)
-    np.maximum.at(last, own, at_s)
+    _, begin, count_of = np.unique(stroke, return_index=True, return_counts=True)
+    first, last = (of.reduceat(at_s, begin, axis=1).ravel() for of in (np.minimum, np.maximum))
+    own = np.repeat(np.arange(len(first)).reshape(len(at_s), -1), count_of, axis=1).ravel()
+    at_s, slope, shape = at_s.ravel(), slope.ravel(), at_s.shape
     middle, half = 0.5 * (first + last), 0.5 * (last - first) * 1.3 + 2.0 * signal.step_s
     value, _, known = signal.at(middle[:, None] + half[:, None] * at)
     value, count = np.where(known, value, 0.0), np.sum(known, axis=1)
@@ -127,7 +132,7 @@ def _smooth_rates(signal: EvenSignal, at_s: Floats, slope: Floats, stroke: Ints)
     sigma = np.sqrt(np.sum((spread[own] @ design[..., None])[..., 0] * design, axis=1))
     few = (count < 2 * _RATE_POWERS)[own]
     rate = np.where(few, slope, np.sum(design * coefficient[own], axis=1))
-    return rate, np.where(few, signal.slope_sigma, np.hypot(sigma, excess[own]))
+    return rate.reshape(shape), np.where(few, signal.slope_sigma, np.hypot(sigma, excess[own])).reshape(shape)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,22 +149,22 @@ class Thresholds:
     lag_s: float
     prior: Gaussian
 
-    def _wire(self, point: Floats) -> _Wire:
-        at_s, columns, covered = log_time(self.crossings.time_s, point, self.gaps, middle_s=self.crossings.middle_s)
-        n = len(self.crossings)
-        temp, rate, rate_sigma, variance = np.zeros(n), np.zeros(n), np.zeros(n), np.ones(n)
-        known = np.zeros(n, dtype=np.bool_)
+    def _wire(self, points: Floats) -> _Wire:
+        """Return the temperatures for clocks (m, 2 + k)."""
+        at_s, columns, covered = log_time(self.crossings.time_s, points, self.gaps, middle_s=self.crossings.middle_s)
+        temp, rate, rate_sigma, variance = (np.zeros(at_s.shape) for _ in range(4))
+        known = np.zeros(at_s.shape, dtype=np.bool_)
         for name, heating in _KINDS:
-            pick = (self.crossings.spring_b == (name == "b")) & (self.crossings.heating == heating)
+            pick = np.flatnonzero((self.crossings.spring_b == (name == "b")) & (self.crossings.heating == heating))
             signal = (self.signals.heated if heating else self.signals.springs).get(name)
-            if signal is None or not pick.any():
+            if signal is None or not len(pick):
                 continue
-            value, slope, there = signal.at(at_s[pick])
-            temp[pick] = value + self.lag_s * slope
+            own_s = at_s[:, pick]
+            value, slope, known[:, pick] = signal.at(own_s)
+            temp[:, pick] = value + self.lag_s * slope
             noise = signal.value_sigma**2 + (self.lag_s * signal.slope_sigma) ** 2
-            variance[pick] = noise + (self.crossings.time_sigma_s[pick] * slope) ** 2 + 1e-6
-            known[pick] = there
-            rate[pick], rate_sigma[pick] = _smooth_rates(signal, at_s[pick], slope, self.crossings.stroke[pick])
+            variance[:, pick] = noise + (self.crossings.time_sigma_s[pick] * slope) ** 2 + 1e-6
+            rate[:, pick], rate_sigma[:, pick] = _smooth_rates(signal, own_s, slope, self.crossings.stroke[pick])
         return _Wire(temp, _shrunk(self.crossings, rate, rate_sigma), variance, known & covered, columns)
 
     def refine(self, *, start_s: float, limit_s: float) -> dict[float, Gaussian]:
@@ -172,10 +177,9 @@ class Thresholds:
         limit[2:] = np.maximum(5.0, np.sqrt(np.diag(self.prior.covariance)[2:]))
         best: dict[float, Gaussian] = {}
         for _ in range(12):
-            wire = self._wire(point)
-            if np.count_nonzero(wire.known) < _FEWEST:
+            (best,) = self._linear(point[None], self.prior)
+            if not best:
                 return {}
-            best = _linear(self.crossings, wire, point, self.prior)
             move = mixed(best.values()).mean - point
             point = point + np.clip(move, -limit, limit)
             if np.all(np.abs(move) < 4e-4 * limit):
@@ -183,18 +187,31 @@ class Thresholds:
         return best
 
     def scan(self, offset_s: Floats, *, every: int = 2) -> list[dict[float, Gaussian]]:
-        """Return the clock at given offsets (n,), each held fixed, mixed over ``every`` nth scatter."""
-        found: list[dict[float, Gaussian]] = []
+        """Return the clock at given offsets (m,), each held fixed, mixed over ``every`` nth scatter."""
+        points = np.tile(self.prior.mean, (len(offset_s), 1))
+        points[:, 0] = offset_s
         covariance = self.prior.covariance.copy()
         covariance[0, :] = covariance[:, 0] = 0.0
         covariance[0, 0] = _HELD_S**2
-        for value in offset_s:
-            point = self.prior.mean.copy()
-            point[0] = float(value)
-            wire = self._wire(point)
-            known = np.count_nonzero(wire.known) >= _FEWEST
-            held = Gaussian(point, covariance, 0.0)
-            found.append(_linear(self.crossings, wire, point, held, every=every) if known else {})
+        return self._linear(points, Gaussian(points, covariance, 0.0), every=every)
+
+    def _linear(self, points: Floats, prior: Gaussian, *, every: int = 1) -> list[dict[float, Gaussian]]:
+        """Return the solutions with temperatures linearised around points (m, p), each per size of delay.
+
+        They are mixed over all scatters. The prior has one mean for all points, or one for each.
+        """
+        wire = self._wire(points)
+        means = np.broadcast_to(prior.mean, points.shape)
+        found: list[dict[float, Gaussian]] = [{} for _ in points]
+        # Points with the same known crossings have equations of the same size.
+        masks, mask_of = np.unique(wire.known, axis=0, return_inverse=True)
+        for number, mask in enumerate(masks):
+            at, keep = np.flatnonzero(mask_of.ravel() == number), np.flatnonzero(mask)
+            if len(keep) >= _FEWEST:
+                density = _density(self.crossings, keep, wire.rate_c_s[np.ix_(at, keep)])
+                halves = _halves(self.crossings, wire, points, at, keep, every=every)
+                for one, clock in zip(at, _combined(halves, means[at], prior.covariance, density), strict=True):
+                    found[one] = clock
         return found
 
     def around_maximum(self, low_s: float, high_s: float) -> dict[float, Gaussian]:
@@ -220,11 +237,7 @@ class Thresholds:
         sizes = {size for one in points for size in one}
         found = {
             size: mixed(
-                [
-                    replace(one[size], log_weight=one[size].log_weight + float(own))
-                    for one, own in zip(points, density, strict=True)
-                    if size in one
-                ]
+                [one[size].weighted(float(own)) for one, own in zip(points, density, strict=True) if size in one]
             )
             for size in sorted(sizes)
         }
@@ -238,15 +251,16 @@ class Thresholds:
         """
         at = clock.mean
         best = 0
-        for half in _halves(self.crossings, self._wire(at), at):
-            fit = half.square - 2.0 * half.right @ at + np.einsum("i,tcij,j->tc", at, half.information, at)
-            best = max(best, int(np.argmax(np.max(half.log_weight - 0.5 * fit, axis=0))))
+        wire = self._wire(at[None])
+        for half in _halves(self.crossings, wire, at[None], np.zeros(1, np.int64), np.flatnonzero(wire.known[0])):
+            fit = half.square - 2.0 * half.right @ at + np.einsum("i,...ij,j->...", at, half.information, at)
+            best = max(best, int(np.argmax(np.max((half.log_weight - 0.5 * fit)[0], axis=0))))
         return SCATTERS_C[best]
 
 
 def log_weights(points: Sequence[Mapping[float, Gaussian]]) -> Floats:
     """Return the logarithm of the likelihood (n,) at the points of a :func:`scan`, minus infinity at empty ones."""
-    return np.array([mixed(one.values()).log_weight if one else -np.inf for one in points])
+    return np.array([logsumexp([part.log_weight for part in one.values()]) if one else -np.inf for one in points])
 
 
 def maxima(log_likelihood: Floats) -> list[tuple[int, int]]:
@@ -272,48 +286,45 @@ def maxima(log_likelihood: Floats) -> list[tuple[int, int]]:
     return [(int(rows[0]), int(rows[-1])) for k in range(len(peak)) if len(rows := np.flatnonzero(hill == k))]
 
 
-def _linear(
-    crossings: ThresholdCrossings, wire: _Wire, point: Floats, prior: Gaussian, *, every: int = 1
-) -> dict[float, Gaussian]:
-    """Return the solution with temperatures linearised around a point per size of delay, over all scatters."""
-    keep = wire.known
-    density = _density(crossings.stroke[keep], crossings.kind[keep], wire.rate_c_s[keep])
-    # The unknown curve has a flat prior: a point of it that only one stroke passes counts neither for nor against.
-    density += len(np.unique(crossings.cell[keep])) * float(np.log(np.sqrt(2.0 * np.pi) * PRIORS.curve_sigma_c))
-    return _combined(_halves(crossings, wire, point, every=every), prior, log_weight=density)
+def _halves(
+    crossings: ThresholdCrossings, wire: _Wire, points: Floats, at: Ints, keep: Ints, *, every: int = 1
+) -> list[_Half]:
+    """Return the normal equations of heatings and of coolings at some points, linearised around each of them.
 
-
-def _halves(crossings: ThresholdCrossings, wire: _Wire, point: Floats, *, every: int = 1) -> list[_Half]:
-    """Return the normal equations of heatings and of coolings, linearised around a point."""
-    keep = wire.known
-    rate = wire.rate_c_s[keep]
-    jacobian = rate[:, None] * wire.columns[keep]
+    Of the ``points`` (m, p) those with the numbers ``at`` (a,) are taken, of the crossings those with ``keep`` (k,).
+    """
+    rate = wire.rate_c_s[np.ix_(at, keep)]
+    jacobian = rate[..., None] * wire.columns[np.ix_(at, keep)]
     # y + J (p - point) = curve + scatter, seen as data d = y - J point with design -J. The prior of the curve has its
     # mean at 50 °C, between a room and the end of a heating.
-    data = wire.temp_c[keep] - jacobian @ point - 50.0
-    common = crossings.common_c2[np.ix_(keep, keep)] + np.diag(wire.variance[keep])
-    heating = crossings.heating[keep]
-    scatter = crossings.scatter[np.ix_(keep, keep)]
-    columns = np.column_stack([-jacobian, data, rate[:, None] * crossings.delay[keep]])
+    data = wire.temp_c[np.ix_(at, keep)] - (jacobian @ points[at, :, None])[..., 0] - 50.0
+    columns = np.concatenate([-jacobian, data[..., None], rate[..., None] * crossings.delay[keep]], axis=-1)
     log_rate = _log_rate(rate)
+    heating, scatters_c = crossings.heating[keep], np.array(SCATTERS_C[::every])
     # Heatings and coolings share only the clock and the size of delays: each has its own scatter.
     halves = []
     for rows in (np.flatnonzero(heating), np.flatnonzero(~heating)):
         if len(rows):
-            own, alike = (one[np.ix_(rows, rows)] for one in (common, scatter))
-            faster = log_rate[rows] - log_rate[rows].mean()
-            of_rate = np.stack([faster, faster**2], axis=1) * PRIORS.delay_of_rate
-            with_rate = np.column_stack([columns[rows], rate[rows, None] * of_rate])
-            solved = [_solved(own + c**2 * alike, with_rate) for c in SCATTERS_C[::every]]
-            halves.append(_half(solved, np.array(SCATTERS_C[::every]), unknowns=len(point)))
+            own = keep[rows]
+            common, scatter = (one[np.ix_(own, own)] for one in (crossings.common_c2, crossings.scatter))
+            spread = [common + c**2 * scatter for c in scatters_c]
+            faster = log_rate[:, rows] - log_rate[:, rows].mean(axis=1, keepdims=True)
+            of_rate = np.stack([faster, faster**2], axis=-1) * PRIORS.delay_of_rate
+            with_rate = np.concatenate([columns[:, rows], rate[:, rows, None] * of_rate], axis=-1)
+            solved = [
+                [_solved(one, variance, design) for one in spread]
+                for variance, design in zip(wire.variance[np.ix_(at, own)], with_rate, strict=True)
+            ]
+            halves.append(_half(solved, scatters_c, unknowns=points.shape[1]))
     return halves
 
 
 @dataclass(frozen=True, slots=True)
 class _Half:
-    """The normal equations of the heatings, or of the coolings, for t sizes of delay and c scatters, without a prior.
+    """The normal equations of the heatings, or of the coolings, without a prior.
 
-    ``information`` (t, c, p, p), ``right`` side (t, c, p), ``square`` of the data (t, c), ``log_weight`` (t, c).
+    For m points, t sizes of delay, and c scatters: ``information`` (m, t, c, p, p), ``right`` side (m, t, c, p),
+    ``square`` of the data (m, t, c), ``log_weight`` (m, t, c).
     """
 
     information: Floats
@@ -322,10 +333,15 @@ class _Half:
     log_weight: Floats
 
 
-def _solved(covariance: Floats, columns: Floats) -> tuple[Floats, float]:
-    """Return the Gram matrix of columns (n, k) under a covariance (n, n), and the logarithm of its determinant."""
+def _solved(shared: Floats, variance: Floats, columns: Floats) -> tuple[Floats, float]:
+    """Return the Gram matrix of columns (n, k) under a covariance, and the logarithm of its determinant.
+
+    The covariance is the sum of one (n, n) and of each crossing's own variance (n,).
+    """
+    covariance = shared.copy()
+    covariance.flat[:: len(covariance) + 1] += variance
     # LAPACK directly: for such small matrices the overhead of SciPy's functions doubles the time.
-    factor, solved, failed = dposv(covariance, columns, lower=1)
+    factor, solved, failed = dposv(covariance.T, columns, lower=1, overwrite_a=1)
     if failed:
         msg = "the covariance of crossings is not positive definite"
         raise np.linalg.LinAlgError(msg)
@@ -333,16 +349,18 @@ def _solved(covariance: Floats, columns: Floats) -> tuple[Floats, float]:
     return columns.T @ solved, log_det
 
 
-def _half(solved: Sequence[tuple[Floats, float]], scatter_c: Floats, *, unknowns: int) -> _Half:
+def _half(solved: Sequence[Sequence[tuple[Floats, float]]], scatter_c: Floats, *, unknowns: int) -> _Half:
     """Return the normal equations with the delays integrated out, each coefficient of a delay with its size as sigma.
 
-    The columns of the Gram matrices are those of the unknowns, the data, and the shapes of the delay.
+    The columns of the Gram matrices, one per point and scatter, are those of the unknowns, the data, and the shapes of
+    the delay.
     """
-    gram, log_det = np.stack([one for one, _ in solved]), np.array([value for _, value in solved])
+    gram = np.array([[one for one, _ in at_point] for at_point in solved])[:, None]
+    log_det = np.array([[value for _, value in at_point] for at_point in solved])[:, None]
     # A motion is late rather than early: its mean delay is the size.
-    late = np.broadcast_to(np.eye(gram.shape[-1]), (len(_DELAYS_S), *gram.shape[1:])).copy()
-    late[:, unknowns + 1, unknowns] = -np.array(_DELAYS_S)
-    gram = np.swapaxes(late, -1, -2)[:, None] @ gram @ late[:, None]
+    late = np.tile(np.eye(gram.shape[-1]), (len(_DELAYS_S), 1, 1, 1))
+    late[:, 0, unknowns + 1, unknowns] = -np.array(_DELAYS_S)
+    gram = np.swapaxes(late, -1, -2) @ gram @ late
     known, shapes = gram[..., : unknowns + 1, : unknowns + 1], gram[..., unknowns + 1 :, unknowns + 1 :]
     cross = gram[..., unknowns + 1 :, : unknowns + 1]
     size2 = np.square(_DELAYS_S)[:, None, None, None]
@@ -357,48 +375,59 @@ def _half(solved: Sequence[tuple[Floats, float]], scatter_c: Floats, *, unknowns
     )
 
 
-def _combined(halves: Sequence[_Half], prior: Gaussian, *, log_weight: float) -> dict[float, Gaussian]:
-    """Return the Gaussian per likely size of delay, mixed over every pair of scatters."""
-    precision = np.linalg.inv(prior.covariance)
-    pull = precision @ prior.mean
+def _combined(
+    halves: Sequence[_Half], prior_mean: Floats, prior_covariance: Floats, log_weight: Floats
+) -> list[dict[float, Gaussian]]:
+    """Return at each of m points the Gaussian per likely size of delay, mixed over every pair of scatters.
+
+    The prior has a mean (m, p) for each point and one covariance; ``log_weight`` (m,) is common to sizes and scatters.
+    """
+    precision = np.asarray(np.linalg.inv(prior_covariance), np.float64)
+    pull = prior_mean @ precision
     size = np.array(_DELAYS_S)
     delay_log_prior = np.log(size) - np.log1p((size / PRIORS.typical_delay_s) ** 2)
-    information = _summed(np.broadcast_to(precision, (len(size), 1, *precision.shape)), [h.information for h in halves])
-    right = _summed(np.broadcast_to(pull, (len(size), 1, *pull.shape)), [h.right for h in halves])
-    square = _summed(np.full((len(size), 1), prior.mean @ pull), [h.square for h in halves])
-    weight = _summed(delay_log_prior[:, None] + log_weight, [h.log_weight for h in halves])
+    information = _summed(precision, [h.information for h in halves])
+    right = _summed(pull[:, None, None], [h.right for h in halves])
+    square = _summed(np.sum(prior_mean * pull, axis=1)[:, None, None], [h.square for h in halves])
+    weight = _summed(delay_log_prior[:, None] + log_weight[:, None, None], [h.log_weight for h in halves])
     covariance = np.asarray(np.linalg.inv(information), np.float64)
-    mean = np.einsum("tkij,tkj->tki", covariance, right)
-    fit = square - np.einsum("tki,tki->tk", mean, right)
+    mean = (covariance @ right[..., None])[..., 0]
+    fit = square - np.sum(mean * right, axis=-1)
     log_det = np.linalg.slogdet(information)[1] - float(np.linalg.slogdet(precision)[1])
-    total = weight - 0.5 * (fit + log_det)
-    middle, spread, of_size = moments(mean, covariance, total)
-    likely = np.flatnonzero(of_size > of_size.max() - NEGLIGIBLE_LOG)
-    return {_DELAYS_S[t]: Gaussian(middle[t], spread[t], float(of_size[t])) for t in likely}
+    found = zip(*moments(mean, covariance, weight - 0.5 * (fit + log_det)), strict=True)
+    return [
+        {
+            _DELAYS_S[t]: Gaussian(middle[t], spread[t], float(of_size[t]))
+            for t in np.flatnonzero(of_size > of_size.max() - NEGLIGIBLE_LOG)
+        }
+        for middle, spread, of_size in found
+    ]
 
 
 def _summed(start: Floats, halves: Sequence[Floats]) -> Floats:
-    """Return the sums (t, k, ...) of a value (t, 1, ...) and one scatter's term of each half, for all pairs."""
-    total = start
-    for values in halves:
-        total = (total[:, :, np.newaxis] + values[:, np.newaxis]).reshape(len(values), -1, *values.shape[2:])
+    """Return the sums (m, t, k, ...) of a start and one scatter's term (m, t, c, ...) of each half, for all pairs."""
+    total = start + halves[0]
+    for values in halves[1:]:
+        both = total[:, :, :, np.newaxis] + values[:, :, np.newaxis]
+        total = both.reshape(*values.shape[:2], -1, *values.shape[3:])
     return total
 
 
-def _density(stroke: Ints, kind: Ints, rate: Floats) -> float:
-    """Return the logarithm of the factor that converts densities of temperature to densities of time.
+def _density(crossings: ThresholdCrossings, keep: Ints, rate_c_s: Floats) -> Floats:
+    """Return the logarithm (m,) of the factor that converts densities of temperature to densities of time.
 
-    The factor counts once per stroke, like the dominant scatter. One stroke of each kind determines the unknown curve
-    and contains no information on the clock, whatever its rate.
+    ``rate_c_s`` (m, k) are the rates at the crossings ``keep`` (k,). The factor counts once per stroke, like the
+    dominant scatter. One stroke of each kind determines the unknown curve and contains no information on the clock,
+    whatever its rate.
     """
-    total, log_rate = 0.0, _log_rate(rate)
-    for number in np.unique(kind):
-        strokes = np.unique(stroke[kind == number])
-        logs = [float(log_rate[stroke == k].mean()) for k in strokes]
-        total += (1.0 - 1.0 / len(logs)) * float(np.sum(logs))
-    return total
+    stroke, kind, cell = crossings.stroke[keep], crossings.kind[keep], crossings.cell[keep]
+    # The unknown curve has a flat prior: a point of it that only one stroke passes counts neither for nor against.
+    free = len(np.unique(cell)) * float(np.log(np.sqrt(2.0 * np.pi) * PRIORS.curve_sigma_c))
+    _, first, of = np.unique(stroke, return_index=True, return_inverse=True)
+    strokes_of_kind = np.bincount(kind[first])[kind]
+    return free + _log_rate(rate_c_s) @ ((1.0 - 1.0 / strokes_of_kind) / np.bincount(of)[of])
 
 
-def _log_rate(rate: Floats) -> Floats:
-    """Return the logarithm of rates (n,); on a plateau the rate is near zero, and its logarithm would be unbounded."""
-    return np.asarray(np.log(np.maximum(np.abs(rate), _RESTING_C_S)))
+def _log_rate(rate_c_s: Floats) -> Floats:
+    """Return the logarithm of rates; on a plateau the rate is near zero, and its logarithm would be unbounded."""
+    return np.asarray(np.log(np.maximum(np.abs(rate_c_s), _RESTING_C_S)))

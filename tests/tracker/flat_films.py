@@ -94,15 +94,17 @@ class FlatFilm:
     def pictures(self) -> Iterator[np.ndarray]:
         rng = np.random.default_rng(self.seed)
         width, height = self.size
-        ground = self.ground + self.grain * _blotches(rng, height * FINE, width * FINE)
+        ground = (self.ground + self.grain * _blotches(rng, height * FINE, width * FINE)).astype(np.float32)
         y, x = np.mgrid[:height, :width]
         light = 1.0 + self.light * ((x / width - 0.5) + 0.5 * (y / height - 0.5))
         for number, time_s in enumerate(self.times):
             instants = [time_s]
             if self.exposure > 0.0:
                 instants = time_s + self.exposure / self.fps * (np.arange(7) / 6.0 - 0.5)
-            fine = sum(self._sharp(ground, float(self.angle_deg(np.array(t))), number) for t in instants)
-            picture = cv2.resize(fine / len(instants), (width, height), interpolation=cv2.INTER_AREA)
+            fine, *others = (self._sharp(ground, float(self.angle_deg(np.array(t))), number) for t in instants)
+            if others:
+                fine = sum(others, start=fine) / len(instants)
+            picture = cv2.resize(fine, (width, height), interpolation=cv2.INTER_AREA)
             picture = cv2.GaussianBlur(picture, (0, 0), self.blur_px) * light
             picture = picture + rng.normal(0.0, self.noise, picture.shape)
             seen = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
@@ -115,7 +117,7 @@ class FlatFilm:
         return self.base, self.moving
 
     def _sharp(self, ground: np.ndarray, angle_deg: float, number: int) -> np.ndarray:
-        fine = ground.astype(np.float32).copy()
+        fine = ground.copy()
         # Pixel i of the film covers the fine pixels FINE · i to FINE · i + FINE - 1.
         to_fine = np.array([[FINE, 0.0, (FINE - 1) / 2.0], [0.0, FINE, (FINE - 1) / 2.0], [0.0, 0.0, 1.0]])
         for sprites, turn_deg in zip(self.sprites(number), (self.base_deg, self.base_deg + angle_deg), strict=True):

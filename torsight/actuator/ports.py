@@ -224,8 +224,7 @@ class Ports:
     @property
     def load_changes(self) -> bool:
         """Whether a spring's torque may change with time while its phase and its angle are constant."""
-        changes = (self.passive_scale, self.cold_scale, self.side_a_nm, self.side_b_nm)
-        return any(change is not None for change in changes)
+        return not (self.passive_scale is self.cold_scale is self.side_a_nm is self.side_b_nm is None)
 
     def load_change(self) -> Floats:
         """Return the changes of the springs' torques with time, as in :class:`Samples`.

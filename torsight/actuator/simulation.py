@@ -201,15 +201,16 @@ def _scalars(ports: Ports) -> NDArray[np.void]:
         "unwound_a": unwound_a,
         "unwound_b": unwound_b,
     }
-    rows = np.array([_in_order(common | _of_spring(ports, spring)) for spring in (0, 1)], np.float64)
-    return rows.view(places.SCALARS)[:, 0]
+    rows = np.array([_in_order(_of_spring(ports, spring, common)) for spring in (0, 1)], np.float64)
+    return np.ndarray((2,), places.SCALARS, rows)
 
 
-def _of_spring(ports: Ports, spring: int) -> dict[str, float]:
-    """Return the scalars of one spring."""
+def _of_spring(ports: Ports, spring: int, common: dict[str, float]) -> dict[str, float]:
+    """Return the scalars of one spring beside those that both have in common."""
     rig = (ports.rig, ports.rig_b)[spring]
     side, loading = ((places.SIDE_A, places.LOADING_A), (places.SIDE_B, places.LOADING_B))[spring]
     return {
+        **common,
         "k_a": rig.k_austenite,
         "k_m": rig.k_martensite,
         "k_s": rig.k_stress_induced,

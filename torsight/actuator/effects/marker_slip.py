@@ -31,9 +31,11 @@ _LEAST_STEP_RAD: Final = 0.1 * DEG
 
 def step(time_s: Floats, *, at_s: float) -> Floats:
     """Return the share, 0 to 1, of a step at ``at_s`` that each row (n,), averaged over 0.5 s or more, contains."""
-    gap = np.diff(time_s)
-    nearer = np.minimum(np.append(gap, np.inf), np.insert(gap, 0, np.inf))
-    half_s = np.maximum(0.25, 0.5 * np.where(np.isfinite(nearer), nearer, 0.0))
+    half_s = np.full(len(time_s), 0.25)
+    if len(time_s) > 1:
+        half_gap_s = 0.5 * (time_s[1:] - time_s[:-1])
+        half_s[1:-1] = np.maximum(np.minimum(half_gap_s[:-1], half_gap_s[1:]), 0.25)
+        half_s[[0, -1]] = np.maximum(half_gap_s[[0, -1]], 0.25)
     return np.clip((time_s - at_s) / (2.0 * half_s) + 0.5, 0.0, 1.0)
 
 
