@@ -64,6 +64,11 @@ class Priors:
     """Variation of the delay along a stroke, and between the stops of strokes, relative to the delay. With viscous
     friction in the synthetic rig (``clock_coverage.py --kind viscous_friction``, seeds 1 and 6) the linear and the
     quadratic part of the delay are 0.15 to 0.4 of its mean."""
+    delay_of_rate: tuple[float, float] = (0.5, 0.3)
+    """Variation of the delay with the logarithm of the temperature's rate and with its square, relative to the delay.
+    Where friction grows with the power p of the speed, the delay is proportional to the rate to the power p − 1, with
+    slope p − 1 and curvature (p − 1)²/2: of Coulomb friction (p = 0) 1 and 0.5, of viscous friction (p = 1) none, in
+    the middle 0.5; of curvatures the root mean square over p is 0.22, and 0.3 leaves room for other laws."""
     rate_noise: float = 1.5
     """Factor on the noise of rates within a kind of stroke, relative to that from the readings' noise. Noise of a rate
     would look like an error of the clock that differs from level to level, and hide the common one."""

@@ -20,7 +20,7 @@ from sync.led import switchings_of
 from sync.log.outliers import noise_c
 from sync.log.timestamps import longest_gap_s
 from sync.signals.changepoints import MAX_LAG_S, SPLITS, Changepoint, cooling_start, find_stop
-from sync.signals.heating_segments import HeatingSegment, LogSignals, log_signals
+from sync.signals.heating_segments import LATEST_S, HeatingSegment, LogSignals, log_signals
 from sync.signals.strokes import Stroke, find_strokes
 from torsight.core.parameter import REACH
 from torsight.core.records import TemperatureLog
@@ -177,7 +177,8 @@ def _weigh(
 ) -> MotionLikelihood | None:
     """Return the likelihood in one range of offsets: by the thresholds, for every possible lag, then by the stops."""
     segments = piece.segments
-    offset_range = _possible(piece.where, inputs.strokes, segments, slack_s=1.0 + (inputs.lag.value_s or MAX_LAG_S))
+    latest_s = LATEST_S + (inputs.lag.value_s or MAX_LAG_S)
+    offset_range = _possible(piece.where, inputs.strokes, segments, latest_s=latest_s)
     crossings = collect_crossings(inputs.strokes, segments)
     if crossings is None:
         return None
@@ -221,12 +222,15 @@ def _weigh(
 
 
 def _possible(
-    offset_range: OffsetRange, strokes: Sequence[Stroke], segments: Sequence[HeatingSegment | None], *, slack_s: float
+    offset_range: OffsetRange, strokes: Sequence[Stroke], segments: Sequence[HeatingSegment | None], *, latest_s: float
 ) -> OffsetRange:
-    """Narrow a range: return motions begin after the power is cut, motions end when the temperature stops rising."""
+    """Narrow a range: return motions begin after the power is cut, motions end soon after the temperature stops rising.
+
+    A motion that is late behind its temperature, as read by a late sensor, ends at most ``latest_s`` after it.
+    """
     pairs = [(stroke, segment) for stroke, segment in zip(strokes, segments, strict=True) if segment is not None]
     low = max([segment.begin_s - stroke.begin_s - 0.5 for stroke, segment in pairs], default=offset_range.low_s)
-    high = min([segment.until_s - stroke.end_s for stroke, segment in pairs], default=offset_range.high_s) + slack_s
+    high = min([segment.until_s - stroke.end_s for stroke, segment in pairs], default=offset_range.high_s) + latest_s
     if high - low < 1.0:
         return offset_range
     low = max(low, offset_range.low_s)

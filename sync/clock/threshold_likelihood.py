@@ -11,10 +11,11 @@ offset is not determined, and the interval is as wide as the range from the coar
 
 A motion may be late behind its temperature for other reasons than the sensor: friction that grows with the speed, heat
 that reaches a part of the wire later. Such a delay shifts T_k by the delay times the rate, as an error of the offset
-does. The two differ in one respect: the offset is the same everywhere, while a delay differs along a stroke and between
-heating and cooling. So the delay of heatings, and that of coolings, is an unknown polynomial of L, with coefficients of
-one unknown size. Where thresholds show a delay that differs along a stroke, larger sizes become likely, and with them a
-delay that is common to the stroke: the interval of the offset gets as wide as the delays are.
+does. The two differ in one respect: the offset is the same everywhere, while a delay differs along a stroke, with the
+rate of the temperature, and between heating and cooling. So the delay of heatings, and that of coolings, is an unknown
+polynomial of L plus one of the rate's logarithm, with coefficients of one unknown size. Where thresholds show a delay
+that differs, larger sizes become likely, and with them a delay that is common to all strokes: the interval of the
+offset gets as wide as the delays are.
 
 The unknown common curve, the slopes, the scatter and the delays are Gaussian with wide or estimated widths and are
 integrated out, which leaves a likelihood of offset, drift and lag alone. A lag acts on ramps as an offset does; the
@@ -38,6 +39,7 @@ from sync.clock.gaussian_mixture import NEGLIGIBLE_LOG, Gaussian, UnknownGap, lo
 from sync.clock.threshold_crossings import ThresholdCrossings
 from sync.signals.even_signal import EvenSignal
 from sync.signals.heating_segments import LATEST_S, LogSignals, Spring
+from torsight.core.series import runs
 from torsight.core.units import Flags, Floats, Ints
 
 SCATTERS_C: Final = tuple(float(value) for value in np.geomspace(0.004, 2.5, 12))
@@ -51,6 +53,8 @@ _HELD_S: Final = 0.01
 """Standard deviation with which an offset is held: nothing could be inverted with 0."""
 _VALLEY: Final = 5.0
 """Depth of a valley between two maxima: one unit with the power of the crossings (``crossing_temper``)."""
+_RESTING_C_S: Final = 1e-3
+"""Least rate of temperature of which a logarithm is taken: one kelvin in a quarter of an hour, where nothing moves."""
 _RATE_POWERS: Final = 3
 """Degree of the polynomial per stroke that gives its rate, through ten points per coefficient. Degrees two and six move
 the clock by 0.01 of its standard deviations (benchmarks/sync/constants.py)."""
@@ -215,7 +219,7 @@ class Thresholds:
 
         Where linearised temperatures do not lead to the maximum, the distribution is summed up over offsets on a grid,
         which is made finer around the maximum until 12 of its 33 points carry weight: two in a standard deviation, with
-        which sums over a Gaussian are exact to a thousandth.
+        which sums over a Gaussian are exact to a thousandth. Beyond a gap without weight another maximum begins.
         """
         while True:
             offset_s, step_s = np.linspace(low_s, high_s, 33, retstep=True)
@@ -223,10 +227,11 @@ class Thresholds:
             total = log_weights(points)
             if not np.isfinite(total).any():
                 return {}
-            likely = np.flatnonzero(total > total.max() - NEGLIGIBLE_LOG)
-            if len(likely) >= 12 or step_s < _HELD_S:
+            top = int(np.argmax(total))
+            first, stop = next(run for run in runs(total > total[top] - NEGLIGIBLE_LOG) if run[0] <= top < run[1])
+            if stop - first >= 12 or step_s < _HELD_S:
                 break
-            low_s, high_s = offset_s[max(likely[0] - 1, 0)], offset_s[min(likely[-1] + 1, len(offset_s) - 1)]
+            low_s, high_s = offset_s[max(first - 1, 0)], offset_s[min(stop, len(offset_s) - 1)]
         away = (offset_s - self.prior.mean[0]) ** 2 / self.prior.covariance[0, 0]
         density = np.log(step_s) - 0.5 * (away + np.log(2.0 * np.pi * self.prior.covariance[0, 0]))
         sizes = {size for one in points for size in one}
@@ -294,6 +299,7 @@ def _halves(
     # mean at 50 °C, between a room and the end of a heating.
     data = wire.temp_c[np.ix_(at, keep)] - (jacobian @ points[at, :, None])[..., 0] - 50.0
     columns = np.concatenate([-jacobian, data[..., None], rate[..., None] * crossings.delay[keep]], axis=-1)
+    log_rate = _log_rate(rate)
     heating, scatters_c = crossings.heating[keep], np.array(SCATTERS_C[::every])
     # Heatings and coolings share only the clock and the size of delays: each has its own scatter.
     halves = []
@@ -302,9 +308,12 @@ def _halves(
             own = keep[rows]
             common, scatter = (one[np.ix_(own, own)] for one in (crossings.common_c2, crossings.scatter))
             spread = [common + c**2 * scatter for c in scatters_c]
+            faster = log_rate[:, rows] - log_rate[:, rows].mean(axis=1, keepdims=True)
+            of_rate = np.stack([faster, faster**2], axis=-1) * PRIORS.delay_of_rate
+            with_rate = np.concatenate([columns[:, rows], rate[:, rows, None] * of_rate], axis=-1)
             solved = [
                 [_solved(one, variance, design) for one in spread]
-                for variance, design in zip(wire.variance[np.ix_(at, own)], columns[:, rows], strict=True)
+                for variance, design in zip(wire.variance[np.ix_(at, own)], with_rate, strict=True)
             ]
             halves.append(_half(solved, scatters_c, unknowns=points.shape[1]))
     return halves
@@ -414,8 +423,11 @@ def _density(crossings: ThresholdCrossings, keep: Ints, rate_c_s: Floats) -> Flo
     stroke, kind, cell = crossings.stroke[keep], crossings.kind[keep], crossings.cell[keep]
     # The unknown curve has a flat prior: a point of it that only one stroke passes counts neither for nor against.
     free = len(np.unique(cell)) * float(np.log(np.sqrt(2.0 * np.pi) * PRIORS.curve_sigma_c))
-    # On a plateau the rate is near zero, and its logarithm is unbounded.
-    logs = np.log(np.maximum(np.abs(rate_c_s), 1e-3))
     _, first, of = np.unique(stroke, return_index=True, return_inverse=True)
     strokes_of_kind = np.bincount(kind[first])[kind]
-    return free + logs @ ((1.0 - 1.0 / strokes_of_kind) / np.bincount(of)[of])
+    return free + _log_rate(rate_c_s) @ ((1.0 - 1.0 / strokes_of_kind) / np.bincount(of)[of])
+
+
+def _log_rate(rate_c_s: Floats) -> Floats:
+    """Return the logarithm of rates; on a plateau the rate is near zero, and its logarithm would be unbounded."""
+    return np.asarray(np.log(np.maximum(np.abs(rate_c_s), _RESTING_C_S)))

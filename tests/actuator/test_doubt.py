@@ -119,7 +119,7 @@ def test_rows_beside_a_jump_do_not_know_when_between_them_the_disk_let_go(log) -
     # The first jump's rows; nothing else of this log makes the prediction wrong by more.
     at = int(np.argmax(np.abs(np.diff(found.angle_rad)) > 10.0 * DEG))
     jump_rad = abs(found.angle_rad[at + 1] - found.angle_rad[at])
-    beside, before = found.sigma_rad[at : at + 2], found.sigma_rad[at - 1]
+    beside, before = found.sigma_rad[at : at + 2], found.sigma_rad[at - 6]
     assert before < 0.2 * DEG
     # Of the triangle of two roundings at least an eighth lies on one row's wrong side, at most half on the other's.
     assert (7.0 / 64.0) ** 0.5 * jump_rad < beside.max() < 0.55 * jump_rad

@@ -67,12 +67,14 @@ from torsight.actuator.stepping.kernel_roots import (
     transform_at_rest,
 )
 from torsight.actuator.stepping.kernel_starts import mirror_hold, start_half_cycle, turn, wind_home, wound_for
-from torsight.core.compiled import compiled, copy_to, inlined, shared
+from torsight.core.compiled import compiled, copy_to, inlined, lending, shared
 from torsight.core.units import DEG, Floats
 
 _AGREED_NM: Final = 100.0 * TORQUE_TOLERANCE
 """Difference of torque that ends the balances of both springs: each rests on roots with their own tolerance. It moves
 the disk by 1e-8 rad."""
+_FIRMER: Final = 1.01
+"""Factor on the friction with which its influence on the instant of breaking loose is computed."""
 _BALANCES: Final = 8
 """Largest number of balances of one sample; three or four secants suffice."""
 _STANDS_RAD_S: Final = 0.05 * DEG
@@ -89,6 +91,37 @@ def _slid(sense: float, first: float, state: State, p: Scalars, o: Scalars, tabl
     return slide(sense, state.s[0]["guess"], first, state, p, o, tables, sections) if first > 0.0 else state.s[0]["x"]
 
 
+@lending
+def _excess_held(
+    sense: float, at: float, hold: float, state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats
+) -> tuple[float, float, float]:
+    """Return by how much the torque passes the friction that holds the disk, the torque that it passes, and ξ there."""
+    s, q = state.s[0], state.q[0]
+    limit = load_torque(at, sense, hold, s, p, o, tables)
+    onwards = (sense < 0.0) == (s["heating"] > 0.0)
+    reached = fraction_and_slope(limit, s, p, tables, sections, state.w)[0] if onwards else s["xi"]
+    over, reached = excess_at_rest(sense, at, limit, reached, s, q, p, tables)
+    return over, limit, reached
+
+
+@lending
+def _swing_past(held: float, drop: float, state: State, p: Scalars, tables: Floats, sections: Floats) -> None:
+    """Let inertia carry the disk past its balance, where friction holds it until the torque has risen again.
+
+    Without a ``drop`` of the friction, relative to sliding friction, the slide would have ended at ``held``.
+    """
+    if p["swing"] == 0.0:
+        return
+    s, q = state.s[0], state.q[0]
+    s["x"] += p["swing"] * (s["x"] - held)
+    transform_at_rest(state, p, tables, sections)
+    # The reference state is renewed in proportion to the drop of friction, up to a complete standstill at a tenth of
+    # its sliding value, a choice: otherwise an overshoot of zero length would change the angle. On records of a rig
+    # with mass the evidence is the same with half of it, 50 log units lower with twice.
+    stands = min(1.0, p["swing"] * drop / 0.1)
+    q["begun"], q["at_rest"] = q["begun"] + stands * (s["xi"] - q["begun"]), 0.0
+
+
 @shared
 def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> bool:
     """Find the active spring's equilibrium in this sample and return whether the spring slid.
@@ -103,10 +136,14 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
     for attempt in range(2):
         sense = -1.0 if (s["heating"] > 0.0) == (attempt == 0) else 1.0
         at = yields_at(sense, hold, state, p, tables)
-        limit = load_torque(at, sense, hold, s, p, o, tables)
-        reached = fraction_and_slope(limit, s, p, tables, sections, w)[0] if attempt == 0 else s["xi"]
-        over, reached = excess_at_rest(sense, at, limit, reached, s, q, p, tables)
+        over, limit, reached = _excess_held(sense, at, hold, state, p, o, tables, sections)
         if over > SLIP_TOLERANCE:
+            s["let_go"] = short[attempt] / (short[attempt] + over)
+            if hold > scale:
+                firmer = _excess_held(sense, at, _FIRMER * hold, state, p, o, tables, sections)[0]
+                s["growth"] = (_FIRMER - 1.0) * (short[attempt] + over) / max(over - firmer, SLIP_TOLERANCE)
+                # Once more: the places of trials in the law's window are to be those of this friction.
+                over, limit, reached = _excess_held(sense, at, hold, state, p, o, tables, sections)
             s["x"] = at
             anew = q["sliding"] != sense or q["at_rest"] > 0.0
             if anew:
@@ -122,18 +159,10 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
             s["x"] = _slid(sense, first, state, p, o, tables, sections)
             s["tau"] = load_torque(s["x"], sense, scale, s, p, o, tables)
             s["xi"] = advance(s["tau"], s, p, tables, sections, w)
-            if hold > scale and p["swing"] > 0.0:
-                # Inertia carries the disk past its balance, where friction holds it until the torque has risen again.
-                s["x"] += p["swing"] * (s["x"] - held)
-                transform_at_rest(state, p, tables, sections)
-                # The reference state is renewed in proportion to the drop of friction, up to a complete standstill at a
-                # tenth of its sliding value, a choice: otherwise an overshoot of zero length would change the angle. On
-                # records of a rig with mass the evidence is the same with half of it, 50 log units lower with twice.
-                stands = min(1.0, p["swing"] * (hold / scale - 1.0) / 0.1)
-                q["begun"], q["at_rest"] = q["begun"] + stands * (s["xi"] - q["begun"]), 0.0
-            keep_slide(abs(s["x"] - x), s)
             if hold > scale:
-                s["jump"], s["let_go"] = s["x"] - held, short[attempt] / (short[attempt] + over)
+                _swing_past(held, hold / scale - 1.0, state, p, tables, sections)
+                s["jump"] = s["x"] - held
+            keep_slide(abs(s["x"] - x), s)
             short[0], short[1] = 0.0, 0.0
             return True
         short[attempt] = max(0.0, -over)
@@ -353,7 +382,8 @@ def step_through(
             s["changed"] = 1.0
         wound[1 - who] = max(wound[1 - who], p["theta_p"] - s["x"])
         theta_a = s["x"] if who == 0 else p["theta_p"] - s["x"]
-        out[0, k], out[5, k], out[6, k] = theta_a + p["slipped_a"], s["sign"] * s["jump"], s["let_go"]
+        out[0, k], out[5, k] = theta_a + p["slipped_a"], s["sign"] * s["jump"]
+        out[6, k], out[7, k] = s["let_go"], s["growth"]
         out[1 + who, k] = s["xi"]
         out[2 - who, k] = s["xi_p"]
         out[3 + who, k] = s["tau"]
@@ -376,10 +406,11 @@ def run(
     and on cooling (°C). ``springs`` (2,) of :data:`~torsight.actuator.stepping.kernel_laws.SCALARS` hold the values of
     A and of B; they are changed in place: where ends slip, θ_P is reduced by the slip.
 
-    Returns (7, n): θ^A without the slip of A's end (rad), ξ of A and B, torque of A and B (N·m), jump of θ^A where the
-    disk breaks loose after a rest (rad, else 0), and the part of the sample that has passed at the jump; and (2,):
-    θ_max minus the winding at the end, of A and B (rad).
+    Returns (8, n): θ^A without the slip of A's end (rad), ξ of A and B, torque of A and B (N·m), jump of θ^A where the
+    disk breaks loose after a rest (rad, else 0), the part of the sample that has passed at the jump, and the growth
+    of the torque in this sample relative to the friction that holds the disk; and (2,): θ_max minus the winding at the
+    end, of A and B (rad).
     """
-    out, state = np.zeros((7, samples.active.size)), _new_state(sections.shape[1])
+    out, state = np.zeros((8, samples.active.size)), _new_state(sections.shape[1])
     step_through(out, state, samples, cycling, springs, tables, sections, theta_start)
     return out, state.wound

@@ -54,7 +54,7 @@ STEP: Final = numbers(
     # Divided differences of the last slides, and the durations of the last two samples, s.
     "rate rate_2 rate_3 span span_2 "
     # Jump of a disk that had been at rest, and the part of the sample after which it broke loose.
-    "jump let_go"
+    "jump let_go growth"
 )
 """Values of one sample, and those that persist from sample to sample (SI units, °C)."""
 REFERENCE: Final = numbers("x tau xi theta_l sliding floor begun at_rest stood_s")
