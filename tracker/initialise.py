@@ -102,15 +102,19 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     for frame in decoded(source):
         if frame.index > LOOKED_AT[-1] and not dots.undecided:
             break
-        settled = dots.followed(frame)
+        settled, later = dots.followed(frame), False
         if not settled and frame.index in LOOKED_AT and frame.luma is not None:
             last, luma = frame.index, frame.luma.copy()
             progress("looking for the markers", last, LOOKED_AT[-1])
-            settled = dots.settled_by(last, luma)
+            later = dots.searched
+            settled = not later and dots.settled_by(last, luma)
             if dots.leave_it_to_tags:
                 tags.take(luma)
         if (tags.pictures > 1 and tags.pair[1]) if dots.leave_it_to_tags else settled:
             break
+        if later:
+            # The frames after it decide on its dots: they are looked for once no tags are known.
+            dots.settled_by(last, luma)
     else:
         dots.end()
     progress("looking for the markers", LOOKED_AT[-1], LOOKED_AT[-1])
@@ -167,6 +171,11 @@ class _Dots:
         self.undecided: list[tuple[int, Search]] = []
         # Dots that are at rest from the first picture to the film's end are not followed again.
         self._resting = np.zeros(0, complex)
+
+    @property
+    def searched(self) -> bool:
+        """Whether the dots of a picture were examined: the dots of all later ones are only judged together."""
+        return bool(self._asked)
 
     @property
     def leave_it_to_tags(self) -> bool:

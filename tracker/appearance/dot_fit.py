@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import compiled, copy_to, lending
+from torsight.core.compiled import compiled, copy_to, internal, lending
 from torsight.core.units import Floats
 from tracker.appearance.disc import MOST_STRETCH, SHAPE, Record, disc_point
 from tracker.appearance.lucas_kanade import eliminate, inner, take_away
@@ -117,13 +117,13 @@ def settle(
     Return light, step, and the sum of squared residuals, infinite where the fit explains too little of ``spread``, the
     window's sum of squares.
     """
-    rows, products, weights = np.empty((11, window.shape[1])), np.empty((4, 4)), np.empty((4, 1 + free))
+    rows, products, weights = np.empty((11, window.shape[1])), np.empty((4, 4)), np.empty((4, 1))
     normal, damped = np.empty((free, free)), np.empty((free, free))
     gradient, delta = np.empty(free), np.empty((free, 1))
     start, trial, damping = values.copy(), values.copy(), 1e-3
     square = misfit(window, values, shape, rows, products, weights)
     light, step = weights[0, 0], weights[1, 0]
-    fill_normal(rows, step, normal, gradient)
+    fill_normal(rows, step, products, normal, gradient)
     for count in range(_ROUNDS):
         if not 1.0 - square / spread >= (_DOUBTFUL if count < _LOOK else _HOPELESS):
             return light, step, math.inf
@@ -140,48 +140,65 @@ def settle(
             trial[i] = values[i] + min(max(delta[i, 0], -0.3 * radius_px), 0.3 * radius_px)
             largest_px = max(largest_px, abs(delta[i, 0]))
         trial[3] = max(trial[3], _SHARPEST_PX)
+        left = math.inf
         if is_sane(trial, values, start, radius_px):
             left = misfit(window, trial, shape, rows, products, weights)
-            if left <= square:
-                copy_to(values, trial)
-                square, damping, light, step = left, 0.2 * damping, weights[0, 0], weights[1, 0]
-                fill_normal(rows, step, normal, gradient)
-                if largest_px < _SMALL_PX:
-                    break
-                continue
-        damping = 10.0 * max(damping, 1e-4)
+        if left <= square:
+            copy_to(values, trial)
+            square, damping, light, step = left, 0.2 * damping, weights[0, 0], weights[1, 0]
+            fill_normal(rows, step, products, normal, gradient)
+        else:
+            damping = 10.0 * max(damping, 1e-4)
+        # Also a step that is not taken: more damping would only shorten it.
+        if largest_px < _SMALL_PX:
+            break
     return light, step, square
 
 
-@lending
+@internal
 def misfit(window: Floats, values: Floats, shape: Record, rows: Floats, products: Floats, weights: Floats) -> float:
     """Return the sum of squared residuals of a shape, with its linear part solved for (variable projection).
 
-    ``rows`` (11, n) then hold, from the fifth, the residuals of the brightness and of the derivatives; the first column
-    of ``weights`` holds light, step and gradient of the light.
+    ``rows`` (11, n) then hold, from the fifth, the residuals of the brightness and the derivatives of D; ``products``
+    (4, 4) the inner products of the linear part's columns; ``weights`` (4, 1) light, step and gradient of the light.
     """
     shape.radius, shape.edge, shape.stretch[0], shape.stretch[1] = values[2], values[3], values[4], values[5]
     fill_rows(window, values, shape, rows)
     for m in range(4):
-        for k in range(4):
-            products[m, k] = inner(rows[m], rows[k])
-        for k in range(weights.shape[1]):
-            weights[m, k] = inner(rows[m], rows[4 + k])
+        for k in range(m + 1):
+            products[m, k] = products[k, m] = inner(rows[m], rows[k])
+        weights[m, 0] = inner(rows[m], rows[4])
+    solve_linear(products, weights)
     for m in range(4):
-        eliminate(products, weights, m)
-    for k in range(weights.shape[1]):
-        for m in range(4):
-            take_away(rows[4 + k], rows[m], weights[m, k])
+        take_away(rows[4], rows[m], weights[m, 0])
     return inner(rows[4], rows[4])
 
 
-@lending
-def fill_normal(rows: Floats, step: float, normal: Floats, gradient: Floats) -> None:
-    """Compute the normal equations of the next step."""
-    for i in range(len(gradient)):
+@internal
+def solve_linear(products: Floats, weights: Floats) -> None:
+    """Replace products (4, k) of the linear part's columns with k rows by the weights that explain these rows."""
+    left = products.copy()
+    for m in range(4):
+        eliminate(left, weights, m)
+
+
+@internal
+def fill_normal(rows: Floats, step: float, products: Floats, normal: Floats, gradient: Floats) -> None:
+    """Compute the normal equations of the next step: of what the linear part does not explain of the derivatives."""
+    free = len(gradient)
+    both = np.empty((4, free))
+    for m in range(4):
+        for i in range(free):
+            both[m, i] = inner(rows[m], rows[5 + i])
+    weights = both.copy()
+    solve_linear(products, weights)
+    for i in range(free):
         gradient[i] = step * inner(rows[5 + i], rows[4])
         for j in range(i + 1):
-            normal[i, j] = normal[j, i] = step * step * inner(rows[5 + i], rows[5 + j])
+            left = inner(rows[5 + i], rows[5 + j])
+            for m in range(4):
+                left -= both[m, i] * weights[m, j]
+            normal[i, j] = normal[j, i] = step * step * left
 
 
 @compiled

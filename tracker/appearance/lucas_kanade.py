@@ -15,10 +15,11 @@ columns (7) and the gradient of the light (2); ``systems`` (64,), records of SYS
 from __future__ import annotations
 
 import math
-from typing import Final
+from mmap import mmap
+from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from torsight.core.compiled import compiled, internal, lending
 from torsight.core.units import Floats, Ints
@@ -81,7 +82,17 @@ which another model is nearer."""
 def unused_look(window_px: float) -> Look:
     """Return an empty look for a window of a radius."""
     pixels, slots = window_pixels(window_px), PHASES * PHASES
-    return pixels, np.empty((slots, COLUMNS + 2, pixels.shape[1])), np.zeros(slots, SYSTEM)
+    return pixels, zeros_on_demand((slots, COLUMNS + 2, pixels.shape[1])), zeros_on_demand((slots,), SYSTEM)
+
+
+def zeros_on_demand(shape: tuple[int, ...], dtype: DTypeLike = float) -> NDArray[Any]:
+    """Return zeros whose memory is taken page by page, where it is written: of a look usually few models are filled.
+
+    For 4 MB and more numpy asks the system for pages of 2 MB, each of which holds many models and costs a virtual
+    machine up to 10 ms.
+    """
+    size = math.prod(shape)
+    return np.frombuffer(mmap(-1, max(size * np.dtype(dtype).itemsize, 1)), dtype, size).reshape(shape)
 
 
 @lending

@@ -104,10 +104,6 @@ def _judge_dot(
     assert close is not None  # noqa: S101 - for the type checker
     begin_px = radius_px + max(_RIM_PX, min(_RIM_PX * close.edge_px, _SOFTEST * radius_px))
     room = _room(luma, x_px, y_px, begin_px, max(0.25 * close.step, 4.0 * close.residual))
-    if room < radius_px + 0.5:
-        return (
-            f"the ground around it is plain only up to {room:.1f} px from its centre; {radius_px + 0.5:.1f} px needed"
-        )
     fit = fit_dot(luma, x_px, y_px, radius_px=radius_px, light_dot=light_dot, room_px=room)
     if fit is None or fit.explained < EXPLAINED:
         return _unexplained(fit)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import NoResultError
 from tracker.appearance.disc import COLUMNS
 from tracker.appearance.dot_fit import Dot
-from tracker.appearance.lucas_kanade import PHASES, READING, SYSTEM, read_dot, unused_look
+from tracker.appearance.lucas_kanade import PHASES, READING, SYSTEM, read_dot, unused_look, zeros_on_demand
 from tracker.detect.sticks import Stick, edges_beside, half_width
 from tracker.follow.reading import Looks, share_of_step
 from tracker.follow.state import MARKER
@@ -75,7 +75,8 @@ def looks_of(markers: Sequence[Marker]) -> Looks:
     count = [marker.look[0].shape[1] for marker in markers]
     slots, first = PHASES * PHASES, np.concatenate([[0], np.cumsum(count, dtype=np.int64)])
     pixels = np.concatenate([np.zeros(0, np.int64), *(marker.look[0].ravel() for marker in markers)])
-    return pixels, np.empty(slots * (COLUMNS + 2) * first[-1]), np.zeros((len(markers), slots), SYSTEM), first
+    models = zeros_on_demand((slots * (COLUMNS + 2) * int(first[-1]),))
+    return pixels, models, zeros_on_demand((len(markers), slots), SYSTEM), first
 
 
 def markers_on(luma: NDArray[np.uint8], *sticks: Stick) -> list[Marker]:
