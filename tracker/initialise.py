@@ -120,6 +120,11 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     progress("looking for the markers", LOOKED_AT[-1], LOOKED_AT[-1])
     if last < 0:
         raise InputError("holds no frame that can be decoded", where=source.name)
+    return _decided(dots, tags, source, last)
+
+
+def _decided(dots: _Dots, tags: TagsSeen, source: FrameSource, last: int) -> Start:
+    """Return the start by what was seen up to the frame ``last``."""
     where = f"{source.name}, frames 0 to {last}"
     family, numbers = tags.pair
     if dots.leave_it_to_tags and numbers:
@@ -128,17 +133,21 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
         what, value, do = fault
         raise NoResultError(what, where=where, value=value, limit="a tag of its own number on each stick", do=do)
     if dots.start is None:
-        blur = motion_blur(source, 0, last)
-        raise NoResultError(
-            "four markers, two dots on each of two sticks, were not found",
-            where=where,
-            value=blur or None,
-            limit=f"round dots of 3 to {HUGE_PX:g} px radius, dark on a light stick or light on a dark one, none more "
-            f"than {SIZES:g} times as large as another; or a tag on each stick",
-            do=f"{SHARPER}, or " * bool(blur) + "pick them with 'torsight markers' and name its file with --markers, "
-            "choose dots that differ from the stick in a black-and-white picture, or light the sticks better",
-        )
+        raise _no_dots(motion_blur(source, 0, last), where=where)
     return dots.with_earlier(dots.start)
+
+
+def _no_dots(blur: str | None, *, where: str) -> NoResultError:
+    """Return the error that no four markers were found; ``blur`` says how blurred the pictures are, or is empty."""
+    return NoResultError(
+        "four markers, two dots on each of two sticks, were not found",
+        where=where,
+        value=blur or None,
+        limit=f"round dots of 3 to {HUGE_PX:g} px radius, dark on a light stick or light on a dark one, none more "
+        f"than {SIZES:g} times as large as another; or a tag on each stick",
+        do=f"{SHARPER}, or " * bool(blur) + "pick them with 'torsight markers' and name its file with --markers, "
+        "choose dots that differ from the stick in a black-and-white picture, or light the sticks better",
+    )
 
 
 def _in_tag(luma: NDArray[np.uint8], marker: Marker) -> bool:

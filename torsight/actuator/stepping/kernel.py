@@ -74,7 +74,8 @@ _AGREED_NM: Final = 100.0 * TORQUE_TOLERANCE
 """Difference of torque that ends the balances of both springs: each rests on roots with their own tolerance. It moves
 the disk by 1e-8 rad."""
 _FIRMER: Final = 1.01
-"""Factor on the friction with which its influence on the instant of breaking loose is computed."""
+"""Factor on the friction for the derivative of what it exceeds: its difference of 1 % is far above rounding, and small
+beside the growth over a rest."""
 _BALANCES: Final = 8
 """Largest number of balances of one sample; three or four secants suffice."""
 _STANDS_RAD_S: Final = 0.05 * DEG
