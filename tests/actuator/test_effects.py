@@ -293,6 +293,25 @@ def test_rows_show_a_jump_as_often_as_roundings_and_the_scatter_of_friction_let_
     assert not sigma[away].any()
 
 
+def test_where_the_torque_hardly_grows_a_jump_may_show_in_many_rows():
+    time_s = np.arange(0.0, 4000.0, 0.5)
+    # From 50.7 °C on, where the disk is about to let go, the heating rises by 0.2 °C an hour.
+    temp_c = np.minimum(23.0 + 0.2 * time_s, 50.7 + 0.2 * time_s / 3600.0)
+    model = ActuatorModel(reference_spec(), ("static_friction",))
+    drive = model.prepare_log(TemperatureLog(time_s, temp_c, np.full(len(time_s), 23.0)), start_angle_rad=2.9)
+    jumps = 0
+    for excess in np.linspace(0.38, 0.42, 41):
+        values = {"static_excess": float(excess)}
+        plain, (seen, sigma) = model.simulate(drive, values).angle_rad, model.seen_rad(drive, values)
+        assert np.isfinite(seen).all()
+        assert np.isfinite(sigma).all()
+        at = int(np.argmax(np.abs(np.diff(plain)) > 5.0 * DEG))
+        if 200.0 < time_s[at] < 3600.0:
+            jumps += 1
+            assert np.count_nonzero(sigma) > 100
+    assert jumps
+
+
 def test_where_a_disk_lets_go_moves_smoothly_with_the_friction_that_holds_it():
     model, drive, _ = let_go(0.5)
     many = [{"static_excess": float(excess)} for excess in np.linspace(0.6, 0.8, 401)]

@@ -24,6 +24,9 @@ RELEASE_SCATTER: Final = 0.005
 """Scatter of the friction at which a disk breaks loose from one time to the next, relative to this friction: a choice.
 A law of the friction that is wrong by this much is as likely as the true one. Without it, one row between the measured
 and the predicted instant of a jump of 40° outweighs all other rows of a record."""
+_WIDE: Final = float(np.finfo(np.float64).eps) ** -0.25
+"""Scatter of an instant, in rows, above which the roundings are left out: w⁻² of the probability, which is as much as
+the exact formula would lose by the digits of w²."""
 _TAIL: Final = 5.0
 """Standard deviations beyond which a Gaussian distribution has no weight: a millionth."""
 
@@ -162,13 +165,16 @@ def seen_of_ports(ports: Ports) -> tuple[Floats, Floats]:
     out, _ = _stepped(ports)
     theta_a, sigma = out[0], np.zeros(out.shape[1])
     if out[5, 1:].any():
-        theta_a, sigma = _shown(out, ports.time_s)
+        theta_a, sigma = _shown(out, ports.time_s, ports.active, ports.half)
     return ports.read(theta_a - 0.5 * ports.rig.theta_p_rad, ports.time_s), sigma
 
 
 @compiled
-def _shown(out: Floats, time_s: Floats) -> tuple[Floats, Floats]:
-    """Return the expected θ^A (n,) at the rows and its standard deviation (n,) from the kernel's result ``out``."""
+def _shown(out: Floats, time_s: Floats, active: NDArray[np.int8], half: Ints) -> tuple[Floats, Floats]:
+    """Return the expected θ^A (n,) at the rows and its standard deviation (n,) from the kernel's result ``out``.
+
+    A jump shows in its own heating or cooling, and between its neighbours, however slowly the torque grows.
+    """
     theta, variance = out[0].copy(), np.zeros(len(time_s))
     for k in range(1, len(time_s)):
         jump = out[5, k]
@@ -180,6 +186,8 @@ def _shown(out: Floats, time_s: Floats) -> tuple[Floats, Floats]:
         for sense in (-1, 1):
             row = k - 1 if sense < 0 else k
             while 0 <= row < len(time_s) and abs(time_s[row] - at_s) < reach * step_s:
+                if active[row] != active[k] or half[row] != half[k] or (row != k and out[5, row] != 0.0):
+                    break
                 early = _begun((time_s[row] - at_s) / step_s, width)
                 theta[row] += jump * (early - (row >= k))
                 variance[row] += jump**2 * early * (1.0 - early)
@@ -194,7 +202,10 @@ def _begun(after: float, width: float) -> float:
     The instant has the distribution of the sum of two roundings and of a Gaussian variable of standard deviation
     ``width``, all in rows.
     """
-    return _ramp(after + 1.0, width) - 2.0 * _ramp(after, width) + _ramp(after - 1.0, width)
+    if width > _WIDE:
+        return 0.5 * (1.0 + erf(after / width / sqrt(2.0)))
+    share = _ramp(after + 1.0, width) - 2.0 * _ramp(after, width) + _ramp(after - 1.0, width)
+    return min(max(share, 0.0), 1.0)
 
 
 @inlined
