@@ -163,9 +163,7 @@ def seen_of_ports(ports: Ports) -> tuple[Floats, Floats]:
     the time in which the torque grows by that.
     """
     out, _ = _stepped(ports)
-    theta_a, sigma = out[0], np.zeros(out.shape[1])
-    if out[5, 1:].any():
-        theta_a, sigma = _shown(out, ports.time_s, ports.active, ports.half)
+    theta_a, sigma = _shown(out, ports.time_s, ports.active, ports.half)
     return ports.read(theta_a - 0.5 * ports.rig.theta_p_rad, ports.time_s), sigma
 
 
@@ -212,8 +210,6 @@ def _begun(after: float, width: float) -> float:
 def _ramp(x: float, width: float) -> float:
     """Return the second integral of a Gaussian density of standard deviation ``width``."""
     z = x / max(width, 1e-9)
-    if abs(z) > _TAIL:
-        return 0.5 * (x**2 + width**2) * (x > 0.0)
     below = 0.5 * (1.0 + erf(z / sqrt(2.0)))
     return 0.5 * ((x**2 + width**2) * below + x * width * exp(-0.5 * z**2) / sqrt(2.0 * pi))
 

@@ -139,10 +139,11 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
         at = yields_at(sense, hold, state, p, tables)
         over, limit, reached = _excess_held(sense, at, hold, state, p, o, tables, sections)
         if over > SLIP_TOLERANCE:
-            s["let_go"] = short[attempt] / (short[attempt] + over)
             if hold > scale:
+                grown = short[attempt] + over
                 firmer = _excess_held(sense, at, _FIRMER * hold, state, p, o, tables, sections)[0]
-                s["growth"] = (_FIRMER - 1.0) * (short[attempt] + over) / max(over - firmer, SLIP_TOLERANCE)
+                s["let_go"] = short[attempt] / grown
+                s["growth"] = (_FIRMER - 1.0) * grown / max(over - firmer, SLIP_TOLERANCE)
                 # Once more: the places of trials in the law's window are to be those of this friction.
                 over, limit, reached = _excess_held(sense, at, hold, state, p, o, tables, sections)
             s["x"] = at
